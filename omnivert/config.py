@@ -99,7 +99,7 @@ class Bus(Section):
 
 
 class Vision(Section):
-    """Vertical lines, their descriptor, matching and tracks (II-IV, IX-A). `mode = "paper"` takes the paper's values."""
+    """Vertical lines, descriptor, matching, tracks (II-IV, IX-A). `mode = "paper"` takes the paper's values."""
 
     mode: Literal["default", "paper"] = "default"
     ring_search_px: float = Field(20.0, ge=1.0, le=500.0)
@@ -145,7 +145,7 @@ class Calibration(Section):
     """Odometry and bearings -> mount (VII-VIII)."""
 
     mode: Literal["default", "paper"] = "default"
-    """paper: the filter as printed (state D, eq. 26, K x 5, started from `start_*`); default: global start, 1/D, arcs."""
+    """paper: the filter as printed (state D, eq. 26, 5 K, started from `start_*`); default: global start, 1/D, arcs."""
     start_phi_rad: float = Field(0.0, ge=-3.15, le=3.15)
     """Measured by hand; used in paper mode only, as are the next two (IX-B)."""
     start_rho_m: float = Field(0.2, ge=0.0, le=5.0)
@@ -212,7 +212,7 @@ RIG = ("robot", "encoder", "camera", "ring")  # the tables that a recording carr
 
 
 def load(path: Path) -> Config:
-    """The settings in a TOML file.
+    """The settings in a TOML file, or in a JSON file of the same shape.
 
     raises  UseError naming file, key and the likely cure
     """
@@ -223,9 +223,9 @@ def load(path: Path) -> Config:
             "OV201", f"cannot read the configuration {path}", str(error), "omnivert config > robot.toml"
         ) from error
     try:
-        given = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise UseError("OV202", f"{path} is not TOML", str(error)) from error
+        given = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except ValueError as error:  # both parsers' errors are ValueErrors
+        raise UseError("OV202", f"{path} cannot be parsed", str(error)) from error
     return parsed(given, str(path))
 
 
@@ -253,7 +253,7 @@ def _nearest(place: tuple[int | str, ...]) -> str:
     fields = set(Config.model_fields)
     if len(place) > 1 and place[0] in fields:
         section = Config.model_fields[str(place[0])].annotation
-        fields = set(section.model_fields) if section is not None and issubclass(section, Section) else set()
+        fields = set(section.model_fields) if isinstance(section, type) and issubclass(section, Section) else set()
     near = difflib.get_close_matches(str(place[-1]), sorted(fields), n=3, cutoff=0.5)
     return f"did you mean {' or '.join(near)}?" if near else f"known keys: {', '.join(sorted(fields))}"
 
