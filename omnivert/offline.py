@@ -1,0 +1,36 @@
+"""A recording through the very steppers that the services run: the same bytes of result, without a process or a bus."""
+
+from collections.abc import Iterator
+
+from omnivert.calibration.calibrator import Calibrator
+from omnivert.config import Config
+from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Ticks
+from omnivert.timeline import Timeline
+from omnivert.vision.frontend import FrontEnd
+from omnivert.wire.recording import Recording
+
+
+def tracked(recording: Recording, config: Config) -> Iterator[Bearings]:
+    """The lines of every frame in the recording, as the vision service would publish them."""
+    front_end = FrontEnd(config)
+    for _, message in recording.messages(types=(Frame,)):
+        if isinstance(message, Frame):
+            yield front_end.step(message)
+
+
+def calibrated(recording: Recording, config: Config) -> Iterator[Bearings | Estimate | Extrinsics]:
+    """Lines and what the calibration makes of them, as the services would publish them.
+
+    A recording of a bearing sensor carries Bearings instead of frames; they are taken as they are.
+    """
+    front_end = FrontEnd(config)
+    timeline = Timeline((Ticks, Bearings), config.timeline)
+    calibrator = Calibrator(config)
+    has_frames = Frame.__name__ in recording.counts
+    for _, recorded in recording.messages(types=(Frame, Ticks) if has_frames else (Bearings, Ticks)):
+        message = front_end.step(recorded) if isinstance(recorded, Frame) else recorded
+        if isinstance(message, Bearings):
+            yield message
+        for released in timeline.push(message, replay=True):
+            if isinstance(released, Ticks | Bearings):
+                yield from calibrator.step(released)
