@@ -1,19 +1,11 @@
-"""One TOML file -> frozen, validated settings. Every number has its unit in its name, its meaning and source beside it.
+"""Every setting: its unit in its name, its range, its meaning and its source in the paper beside it."""
 
-A table that is left out takes its defaults; an unknown key, a wrong type or a number out of range is refused with the
-nearest right key or the unit that was probably meant.
-"""
-
-import difflib
 import hashlib
 import json
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
-
-from omnivert.errors import UseError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 Id = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$")]  # one chunk of a key
 
@@ -36,7 +28,7 @@ class Encoder(Section):
 
     id: Id = "base"
     port: str = "/dev/ttyUSB0"
-    """Any pyserial port or URL."""
+    """Any pyserial port or URL; a name in /dev/serial/by-id stays the same when the plug goes into another socket."""
     baud: int = Field(115200, ge=300, le=4_000_000)
     wheel_diameter_m: float = Field(0.15, ge=0.01, le=2.0)
     ticks_per_rev: int = Field(2000, ge=1, le=10_000_000)
@@ -48,8 +40,20 @@ class Encoder(Section):
     """Width of the device's counters, for undoing their rollover."""
     max_speed_m_s: float = Field(5.0, gt=0.0, le=100.0)
     """A wheel that seems faster than this between two messages has jumped, not driven."""
+    max_gap_s: float = Field(0.5, gt=0.0, le=60.0)
+    """After a longer silence in which the wheels turned, the way between is unknown."""
     noise_k_m: float = Field(2e-4, gt=0.0, le=0.1)
     """K of eq. 31: variance of a wheel's displacement per metre driven (Chong and Kleeman)."""
+    clock_window_s: float = Field(30.0, ge=1.0, le=3600.0)
+    """The device's clock is fitted to this machine's over this time; longer averages more, shorter follows drift."""
+    clock_max_skew: float = Field(0.01, ge=0.0, le=0.1)
+    """Largest relative error of the device's clock; ceramic resonators reach 0.005."""
+    restart_after_lines: int = Field(5, ge=2, le=1000)
+    """Refused lines in a row that agree among each other, until the device is taken to have been restarted."""
+    reopen_s: float = Field(0.5, ge=0.01, le=60.0)
+    """Pause between two attempts to open the port."""
+    silent_after_s: float = Field(2.0, gt=0.0, le=3600.0)
+    """Without a right line for so long, health says that the encoder is silent."""
 
     @property
     def metres_per_tick(self) -> float:
@@ -68,6 +72,12 @@ class Camera(Section):
     """Rate to ask of a camera, and to play a folder of images at."""
     bearing_sign: Literal[1, -1] = 1
     """+1: the image angle atan2(-(v - cv), u - cu) grows with the bearing; -1: it falls (mirror image)."""
+    stamp_delay_s: float = Field(0.0, ge=0.0, le=1.0)
+    """From the middle of the exposure to the stamp that the source gives; taken off every stamp."""
+    reopen_s: float = Field(0.5, ge=0.01, le=60.0)
+    """Pause between two attempts to open the source."""
+    silent_after_s: float = Field(3.0, gt=0.0, le=3600.0)
+    """Without a frame for so long, health says that the camera is silent."""
 
 
 class MirrorRing(Section):
@@ -96,6 +106,11 @@ class Bus(Section):
     shared_memory: bool = True
     """Large messages between processes of one machine go through shared memory."""
     max_message_bytes: int = Field(64 * 2**20, ge=1024, le=2**30)
+    """A larger message is refused."""
+    queue_messages: int = Field(20_000, ge=16, le=10_000_000)
+    """Messages that may wait in a service for its loop; beyond it the oldest are dropped, and counted."""
+    queue_bytes: int = Field(256 * 2**20, ge=2**20, le=2**34)
+    """The same as a size."""
 
 
 class Vision(Section):
@@ -104,17 +119,19 @@ class Vision(Section):
     mode: Literal["default", "paper"] = "default"
     ring_search_px: float = Field(20.0, ge=1.0, le=500.0)
     """How far from the expected centre the ring is looked for first."""
-    ring_min_quality: float = Field(0.25, ge=0.0, le=1.0)
+    ring_min_quality: float = Field(0.30, ge=0.0, le=1.0)
     """Share of the rim that must be seen, else the frame's ring is lost."""
     edge_tolerance_deg: float = Field(20.0, gt=0.0, le=45.0)
     """Edges that point at the centre within this are kept. Paper: 5 deg (II, step 2)."""
-    edge_min_magnitude: float = Field(40.0, ge=0.0, le=1000.0)
+    edge_min_magnitude: float = Field(30.0, ge=0.0, le=1000.0)
     """Sobel magnitude below which a pixel is no edge (grey steps x 8)."""
     sectors: int = Field(720, ge=90, le=7200)
     """Sectors of the histogram (II, step 4)."""
     min_length: float = Field(0.28, gt=0.0, le=1.0)
     """Votes that make a line, as a share of Rmax - Rmin. Paper: 0.5 (II, step 5)."""
-    max_lines: int = Field(400, ge=1, le=5000)
+    min_length_continued: float = Field(0.20, gt=0.0, le=1.0)
+    """Shorter lines down to this may continue a track, never begin one. Not in the paper, unused in its mode."""
+    max_lines: int = Field(200, ge=1, le=2000)
     """The strongest lines that are kept of one frame."""
     areas: Literal[3, 5] = 3
     """Circular areas of the descriptor along the line (III); 5 overlap by half."""
@@ -130,8 +147,8 @@ class Vision(Section):
     """A match needs minD < F3 SminD (eq. 10)."""
     lookback_frames: int = Field(20, ge=1, le=1000)
     """A line without a match is looked for this many frames back (IX-A)."""
-    bearing_std_deg: float = Field(0.15, gt=0.0, le=10.0)
-    """Standard deviation claimed for a bearing [the paper is silent]."""
+    bearing_std_deg: float = Field(0.04, gt=0.0, le=10.0)
+    """What a bearing's sigma never falls below, however many points its line has [the paper is silent]."""
 
     @model_validator(mode="before")
     @classmethod
@@ -156,6 +173,25 @@ class Calibration(Section):
     """phi and psi are calibrated when their sigma is below this."""
     sigma_limit_m: float = Field(0.010, gt=0.0, le=1.0)
     """rho is calibrated when its sigma is below this."""
+    bearing_floor_deg: float = Field(0.05, gt=0.0, le=10.0)
+    """No bearing is believed to be better than this."""
+    keyframe_step_m: float = Field(0.03, gt=0.0, le=10.0)
+    """Bearings count again after this way, or after `keyframe_turn_deg`: a robot that stands learns nothing new."""
+    keyframe_turn_deg: float = Field(2.0, gt=0.0, le=90.0)
+    window_keyframes: int = Field(240, ge=40, le=5000)
+    """Keyframes that are solved together; then the older half becomes a prior of the rest."""
+    window_lines: int = Field(200, ge=10, le=5000)
+    """Lines of a window, those seen most often."""
+    start_keyframes: int = Field(64, ge=20, le=5000)
+    """Keyframes used for the first, rough part of the global start."""
+    start_lines: int = Field(60, ge=5, le=5000)
+    """Lines used for it, those seen most often."""
+    max_disagreement: float = Field(25.0, gt=0.0, le=1e6)
+    """Chi-square of 3 degrees of freedom by which the two halves of a drive may differ for a claim."""
+    clear_gap: float = Field(25.0, ge=0.0, le=1e6)
+    """A solution is clear when any different one is worse by this in -2 log likelihood."""
+    clear_inliers: float = Field(0.9, gt=0.0, le=1.0)
+    """A solution is clear when this share of the bearings agrees with it."""
     resume: bool = True
     """Take up the stored extrinsics at the start, when robot, camera and configuration match."""
 
@@ -166,7 +202,9 @@ class Timeline(Section):
     lateness_s: float = Field(0.25, gt=0.0, le=60.0)
     """Live, how long a message waits for a stream that lags. On a playback every message is waited for."""
     max_jump_s: float = Field(60.0, gt=0.0, le=86400.0)
-    """A stamp farther ahead than this of all others is refused."""
+    """A stamp farther ahead than this of its stream is refused."""
+    confirmations: int = Field(5, ge=2, le=1000)
+    """Messages in a row that agree with each other, but not with the stream, and mean that the clock has changed."""
     max_held: int = Field(20000, ge=100, le=10_000_000)
     """Messages held back at most; beyond it the oldest go on."""
 
@@ -174,11 +212,23 @@ class Timeline(Section):
 class Storage(Section):
     path: Path = Path("extrinsics.db")
     """The SQLite file; relative to the working directory."""
+    locked_s: float = Field(2.0, gt=0.0, le=60.0)
+    """How long to wait for another program that has the file locked."""
+    waiting_max: int = Field(100, ge=1, le=10_000)
+    """Extrinsics kept in memory while the file cannot be written; beyond it the oldest are given up and counted."""
 
 
 class Player(Section):
+    """Playing a recording in place of the bridge."""
+
     frames_ahead: int = Field(4, ge=1, le=1000)
-    """At full speed, frames that may be on their way before the player waits for a result."""
+    """Frames that may be on their way before the player waits for a result."""
+    patience_s: float = Field(10.0, ge=0.1, le=3600.0)
+    """Without a result for so long, the frames on their way are counted as lost, and the playback goes on."""
+    comeback_s: float = Field(20.0, ge=0.0, le=3600.0)
+    """How long a playback waits for a service that has gone."""
+    wait_s: float = Field(30.0, ge=0.0, le=3600.0)
+    """How long it waits at the start for the services that it was told to wait for."""
 
 
 class Config(Section):
@@ -195,75 +245,20 @@ class Config(Section):
     storage: Storage = Storage()
     player: Player = Player()
 
+    def rig(self) -> dict[str, dict[str, Any]]:
+        """What a recording carries of the machine that made it: geometry and signs, not how its devices are reached."""
+        return {table: getattr(self, table).model_dump(mode="json", include=keys) for table, keys in _RIG.items()}
+
     def rig_digest(self) -> str:
-        """Fingerprint of all that a stored mount depends on: geometry of drive, encoders, image and ring."""
-        rig = {
-            "robot": self.robot.model_dump(include={"id", "wheel_base_m"}),
-            "encoder": self.encoder.model_dump(
-                include={"wheel_diameter_m", "ticks_per_rev", "left_sign", "right_sign"}
-            ),
-            "camera": self.camera.model_dump(include={"id", "width_px", "height_px", "bearing_sign"}),
-            "ring": self.ring.model_dump(include={"r_min_px", "r_max_px"}),
-        }
-        return hashlib.sha256(json.dumps(rig, sort_keys=True).encode()).hexdigest()[:16]
+        """Fingerprint of all that a stored mount depends on."""
+        geometry = {table: {key: rig[key] for key in sorted(rig.keys() - _FREE)} for table, rig in self.rig().items()}
+        return hashlib.sha256(json.dumps(geometry, sort_keys=True).encode()).hexdigest()[:16]
 
 
-RIG = ("robot", "encoder", "camera", "ring")  # the tables that a recording carries
-
-
-def load(path: Path) -> Config:
-    """The settings in a TOML file, or in a JSON file of the same shape.
-
-    raises  UseError naming file, key and the likely cure
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UseError(
-            "OV201", f"cannot read the configuration {path}", str(error), "omnivert config > robot.toml"
-        ) from error
-    try:
-        given = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:  # both parsers' errors are ValueErrors
-        raise UseError("OV202", f"{path} cannot be parsed", str(error)) from error
-    return parsed(given, str(path))
-
-
-def parsed(given: dict[str, Any], where: str) -> Config:
-    """The settings in a nested dict of a TOML file; `where` names it in errors."""
-    try:
-        return Config.model_validate(given)
-    except ValidationError as error:
-        raise _refusal(error, where) from error
-
-
-def _refusal(error: ValidationError, where: str) -> UseError:
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "extra_forbidden":
-        return UseError("OV203", f"{where}: unknown key {place}", help=_nearest(first["loc"]))
-    value = first["input"]
-    given = f" = {value!r}" if isinstance(value, (int, float, str)) else ""
-    return UseError(
-        "OV204", f"{where}: {place}{given}", first["msg"].removeprefix("Value error, "), _unit(place, value)
-    )
-
-
-def _nearest(place: tuple[int | str, ...]) -> str:
-    fields = set(Config.model_fields)
-    if len(place) > 1 and place[0] in fields:
-        section = Config.model_fields[str(place[0])].annotation
-        fields = set(section.model_fields) if isinstance(section, type) and issubclass(section, Section) else set()
-    near = difflib.get_close_matches(str(place[-1]), sorted(fields), n=3, cutoff=0.5)
-    return f"did you mean {' or '.join(near)}?" if near else f"known keys: {', '.join(sorted(fields))}"
-
-
-def _unit(place: str, value: object) -> str:
-    """The value that was probably meant, where a length was given in millimetres or an angle in the other unit."""
-    if not isinstance(value, (int, float)) or isinstance(value, bool):
-        return ""
-    if place.endswith("_m") and value > 1:
-        return f"lengths are in metres; {value:g} mm would be {value / 1000:g}"
-    if place.endswith("_rad"):
-        return f"angles named _rad are in radians; {value:g} deg would be {value * 3.141592653589793 / 180:.4f}"
-    return ""
+_RIG: dict[str, set[str]] = {
+    "robot": {"id", "wheel_base_m"},
+    "encoder": {"id", "wheel_diameter_m", "ticks_per_rev", "left_sign", "right_sign", "noise_k_m"},
+    "camera": {"id", "width_px", "height_px", "bearing_sign", "frame_rate_hz"},
+    "ring": {"center_px", "r_min_px", "r_max_px"},
+}
+_FREE = {"noise_k_m", "frame_rate_hz", "center_px"}  # may change without moving the camera

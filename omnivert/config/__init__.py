@@ -1,0 +1,38 @@
+"""The configuration: one TOML file -> frozen, validated settings.
+
+A table that is left out takes its defaults; an unknown key, a wrong type or a number out of range is refused.
+"""
+
+from omnivert.config.loading import load, parsed, with_rig
+from omnivert.config.settings import (
+    Bus,
+    Calibration,
+    Camera,
+    Config,
+    Encoder,
+    MirrorRing,
+    Player,
+    Robot,
+    Section,
+    Storage,
+    Timeline,
+    Vision,
+)
+
+__all__ = [
+    "Bus",
+    "Calibration",
+    "Camera",
+    "Config",
+    "Encoder",
+    "MirrorRing",
+    "Player",
+    "Robot",
+    "Section",
+    "Storage",
+    "Timeline",
+    "Vision",
+    "load",
+    "parsed",
+    "with_rig",
+]
