@@ -1,0 +1,56 @@
+"""Frame -> grey picture."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.messages import Frame, PixelFormat
+
+Grey = NDArray[np.uint8]
+
+# The way the camera was held says nothing about the sensor that the ring was measured on, so EXIF turns nothing here.
+_READ = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+_JPEG_END = b"\xff\xd9"
+_JPEG_PADDING = 1024  # bytes that some cameras append after the end marker, at most
+
+
+def grey_from_frame(frame: Frame) -> Grey:
+    """The frame's picture in grey, (height, width) uint8.
+
+    raises  ValueError in words fit for `reasons`, when the bytes are no such picture
+    """
+    height, width = frame.height_px, frame.width_px
+    match frame.format:
+        case PixelFormat.GREY8:
+            return _raw(frame, 1).reshape(height, width)
+        case PixelFormat.BGR8:
+            grey = cv2.cvtColor(_raw(frame, 3).reshape(height, width, 3), cv2.COLOR_BGR2GRAY)
+        case PixelFormat.JPEG | PixelFormat.PNG:
+            grey = _decoded(frame)
+    return np.asarray(grey, dtype=np.uint8)
+
+
+def _raw(frame: Frame, channels: int) -> NDArray[np.uint8]:
+    expected = frame.height_px * frame.width_px * channels
+    if frame.data.size != expected:
+        raise ValueError(
+            f"{frame.format} frame {frame.width_px}x{frame.height_px} holds {frame.data.size} bytes, not {expected}"
+        )
+    return np.ascontiguousarray(frame.data)
+
+
+def _decoded(frame: Frame) -> NDArray[np.uint8]:
+    # A JPEG that was cut off still decodes, to a picture whose rest is flat grey with a hard false edge.
+    if frame.format is PixelFormat.JPEG and _JPEG_END not in frame.data[-_JPEG_PADDING:].tobytes():
+        raise ValueError("jpeg frame is cut off")
+    try:
+        grey = cv2.imdecode(frame.data, _READ) if frame.data.size else None
+    except cv2.error as error:
+        raise ValueError(f"{frame.format} frame cannot be decoded") from error
+    if grey is None:
+        raise ValueError(f"{frame.format} frame cannot be decoded")
+    if grey.shape != (frame.height_px, frame.width_px):
+        raise ValueError(
+            f"{frame.format} frame says {frame.width_px}x{frame.height_px}, holds {grey.shape[1]}x{grey.shape[0]}"
+        )
+    return np.asarray(grey, dtype=np.uint8)
