@@ -1,0 +1,251 @@
+"""Start and smoother over the drive so far: which mount, how sure, how clear, and what of the way has shown it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.angles import wrap
+from omnivert.calibration import model
+from omnivert.calibration.normal import Unknowns
+from omnivert.calibration.observability import (
+    Piece,
+    centres,
+    covariance_from_information,
+    larger,
+    nominal_information,
+    nominal_steps,
+    pieces,
+)
+from omnivert.calibration.problem import Problem, with_frames
+from omnivert.calibration.smoother import Solution, joint, polished, solved
+from omnivert.calibration.start import started
+from omnivert.calibration.stretch import Posed, Stretch
+from omnivert.config import Config
+from omnivert.odometry import Motion
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """One solution over the whole stretch, and what was joined from earlier ones."""
+
+    mount: Array  # (3,) phi, rho, psi
+    covariance: Array  # (3, 3), as the solution has it
+    shown: Array  # (3, 3), as the nominal way has it
+    gap: float  # -2 log likelihood to the next best, different solution
+    inlier_share: float
+    centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
+    lines: int
+    disagreement: float  # of the halves of the drive, chi-square of 3 degrees of freedom
+    seed: tuple[Array, Array, tuple[int, ...]]  # lines (N, 2) as (1/D, theta), joint covariance with mount, tracks
+
+    @property
+    def honest_covariance(self) -> Array:
+        return self.covariance + self.excess
+
+    def sum_sigma(self) -> float:
+        """Sigma of phi + psi, rad."""
+        both = np.array([1.0, 0.0, 1.0])
+        return float(np.sqrt(both @ self.covariance @ both))
+
+    @property
+    def excess(self) -> Array:
+        """What the nominal way leaves open beyond the solution's own covariance (3, 3)."""
+        gap = larger(self.covariance, self.shown) - self.covariance
+        return 0.5 * (gap + gap.T)
+
+
+class Batch:
+    """Gathers keyframes; solves when told to. A long drive is solved stretch by stretch, each the next one's prior."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._stretch = Stretch()
+        self._cartesian: Array | None = None  # eta, cx, cy of the last solution
+        self._prior_mean = np.zeros(3)
+        self._prior_information = np.zeros((3, 3))
+        self._prior_shown = np.zeros((3, 3))
+        self._prior_centres: list[Piece] = []
+        self._gap = 0.0
+        self._searched = 0  # keyframes at the last global start
+        self._searched_kinds = 0  # different centres of rotation in it
+        self.keyframes = 0  # since the beginning
+
+    def append(self, motion: Motion, track: Index, beta: Array, std: Array) -> None:
+        self._stretch.append(motion, track, beta, std)
+        self.keyframes += 1
+
+    def solve(self) -> Result | None:
+        """The best mount for all keyframes; None while there is no single clear one."""
+        settings = self._config.calibration
+        posed = self._posed()
+        problem = posed.problem
+        if problem.lines < 1 or problem.frames < 8 or problem.beta.size < 3 * problem.lines:
+            return None
+        solution = self._solution(posed)
+        if solution is None:
+            return None
+        self._cartesian = solution.x.mount.copy()
+        self._stretch.remember(posed, solution)
+        result = self._result(posed, solution)
+        if problem.frames >= settings.window_keyframes:
+            self._cut(problem.frames // 2)
+        return result
+
+    def centres(self) -> tuple[Piece, ...]:
+        """Clearly different centres of rotation so far, as the wheels tell."""
+        encoder = self._config.encoder
+        wheels = np.array([k.motion.wheels_m for k in self._stretch.keyframes[1:]]).reshape(-1, 2)
+        found = pieces(wheels, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick)
+        return tuple(centres(self._prior_centres + found))
+
+    def cut_chain(self) -> None:
+        """The way to what follows is unknown: what was learned becomes the prior, and a new stretch begins."""
+        if self._stretch.keyframes:
+            self._cut(len(self._stretch.keyframes))
+        self._stretch = Stretch()
+
+    def forget(self) -> None:
+        """Nothing that was learned holds any more."""
+        self._stretch = Stretch()
+        self._cartesian = None
+        self._prior_information = np.zeros((3, 3))
+        self._prior_shown = np.zeros((3, 3))
+        self._prior_centres = []
+        self._gap = 0.0
+        self._searched = 0
+
+    def _posed(self) -> Posed:
+        settings = self._config.calibration
+        return self._stretch.posed(self._prior_mean, self._prior_information, settings.window_lines, 4)
+
+    def _solution(self, posed: Posed) -> Solution | None:
+        settings = self._config.calibration
+        problem = posed.problem
+        found: Solution | None = None
+        if self._cartesian is not None:
+            x = self._stretch.guess(posed, self._cartesian)
+            found = polished(problem, solved(problem, x, problem.std, 12, 0.01), 2)
+        kinds = len(self.centres())
+        doubtful = found is None or self._gap < settings.clear_gap or found.inlier_share() < settings.clear_inliers
+        growth = problem.frames / max(self._searched, 1)
+        # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
+        if kinds != self._searched_kinds or (doubtful and growth >= 1.15) or growth >= 1.35:
+            self._searched, self._searched_kinds = problem.frames, kinds
+            start = started(problem, settings.max_rho_m, 4, settings.start_keyframes, settings.start_lines)
+            if start is not None:
+                if found is None or start.solution.score < found.score - 3.0:
+                    found = start.solution
+                self._gap = start.gap
+        return found
+
+    def _result(self, posed: Posed, solution: Solution) -> Result | None:
+        settings, encoder = self._config.calibration, self._config.encoder
+        mount, slope = model.polar_from_cartesian(solution.x.mount)
+        share = solution.inlier_share()
+        if self._gap < settings.clear_gap or share < settings.clear_inliers or mount[1] > settings.max_rho_m:
+            return None
+        problem = posed.problem
+        step, found = nominal_steps(
+            problem, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick
+        )
+        shown = (
+            nominal_information(replace(problem, prior_information=np.zeros((3, 3))), solution, step)
+            + self._prior_shown
+        )
+        covariance = slope @ covariance_from_information(solution.mount_information()) @ slope.T
+        return Result(
+            mount,
+            covariance,
+            slope @ covariance_from_information(shown) @ slope.T,
+            self._gap,
+            share,
+            tuple(centres(self._prior_centres + found)),
+            problem.lines,
+            self._halves(problem, solution),
+            self._seed(posed, solution),
+        )
+
+    def _halves(self, problem: Problem, solution: Solution) -> float:
+        """How far the halves of the stretch disagree about the mount: chi-square of three degrees of freedom."""
+        middle = problem.frames // 2
+        # A pull to the whole solution, a twentieth of its information, keeps a half in its valley.
+        pull = 0.05 * solution.mount_information()
+        found = []
+        for first, last in ((0, middle), (middle, problem.frames)):
+            part, lines = with_frames(problem, first, last)
+            if part.frames < 3 or not part.line.size:
+                return 0.0
+            part = replace(part, prior_mean=solution.x.mount, prior_information=pull)
+            x = solution.x
+            x = Unknowns(x.pose[first:last], x.mount, x.anchor[lines], x.u[lines], x.w[lines])
+            half = solved(part, x, part.std, 6, 0.1)
+            found.append((half.x.mount, covariance_from_information(half.mount_information())))
+        off = found[0][0] - found[1][0]
+        off[0] = wrap(float(off[0]))
+        return float(off @ np.linalg.solve(found[0][1] + found[1][1], off))
+
+    def _seed(self, posed: Posed, solution: Solution) -> tuple[Array, Array, tuple[int, ...]]:
+        """The lines seen in the last keyframe, as the filter holds them, with the joint covariance."""
+        newest = self._stretch.keyframes[-1]
+        number = {name: i for i, name in enumerate(posed.names)}
+        x = solution.x
+        tracks, index = [], []
+        for name, track in zip(newest.line.tolist(), newest.track.tolist(), strict=True):
+            i = number.get(name)
+            if i is not None and 0.0 < x.w[i] < 4.0:
+                tracks.append(track)
+                index.append(i)
+        lines = np.array(index, dtype=np.int64)
+        covariance = joint(solution, lines)
+        px, py, heading = x.pose[-1]
+        # (cos u, sin u) + w (anchor - p) is the line from the robot, in units of 1 / w.
+        u, w = x.u[lines], x.w[lines]
+        back = x.anchor[lines] - [px, py]
+        sight = np.stack([np.cos(u) + w * back[:, 0], np.sin(u) + w * back[:, 1]], axis=1)
+        length = np.hypot(sight[:, 0], sight[:, 1])
+        unit = sight / length[:, None]
+        inverse = w / length
+        theta = wrap(np.pi + heading - np.arctan2(sight[:, 1], sight[:, 0]))
+        n = lines.size
+        slope = np.zeros((2 * n + 3, 6 + 2 * n))
+        slope[2 * n :, 3:6] = model.polar_from_cartesian(x.mount)[1]
+        # How the length and the direction of the sight change with p, u, w.
+        across = np.stack([-unit[:, 1], unit[:, 0]], axis=1) / length[:, None]
+        by_u = np.stack([-np.sin(u), np.cos(u)], axis=1)
+        for k in range(n):
+            by = np.column_stack([[-w[k], 0.0], [0.0, -w[k]], by_u[k], back[k]])  # d sight / d (px, py, u, w)
+            columns = [0, 1, 6 + 2 * k, 7 + 2 * k]
+            slope[2 * k, columns] = -inverse[k] / length[k] * (unit[k] @ by)
+            slope[2 * k, 7 + 2 * k] += 1.0 / length[k]
+            slope[2 * k + 1, columns] = -(across[k] @ by)
+            slope[2 * k + 1, 2] += 1.0
+        joined = slope @ covariance @ slope.T
+        return np.stack([inverse, theta], axis=1), 0.5 * (joined + joined.T), tuple(tracks)
+
+    def _cut(self, count: int) -> None:
+        """The first `count` keyframes become the prior of the rest. Lines across the cut start anew: counted once."""
+        rest = self._stretch.keyframes[count:]
+        self._stretch.keyframes = self._stretch.keyframes[:count]
+        posed = self._posed()
+        clear = self._cartesian is not None and self._gap >= self._config.calibration.clear_gap
+        if clear and self._cartesian is not None and posed.problem.lines and posed.problem.frames > 2:
+            encoder = self._config.encoder
+            problem = posed.problem
+            x = self._stretch.guess(posed, self._cartesian)
+            solution = solved(problem, x, problem.std, 12, 0.01)
+            step, found = nominal_steps(
+                problem, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick
+            )
+            self._prior_shown = self._prior_shown + nominal_information(
+                replace(problem, prior_information=np.zeros((3, 3))), solution, step
+            )
+            self._prior_information = solution.mount_information()
+            self._prior_mean = solution.x.mount.copy()
+            self._prior_centres += centres(found)
+        self._stretch.keyframes += rest
+        self._stretch.drop_first(count)
+        self._searched = len(rest)

@@ -1,0 +1,308 @@
+"""The one step message -> estimate: holds frames until the wheels cover them, then filter, batch and verdict."""
+
+from collections import Counter, deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import omnivert
+from omnivert.angles import wrap
+from omnivert.calibration.batch import Batch, Result
+from omnivert.calibration.ekf import Filter, Innovation, Rules, rules_of_the_paper
+from omnivert.calibration.verdict import Shown, Verdict, verdict
+from omnivert.config import Config
+from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
+from omnivert.odometry import SECOND, Motion, Odometer, joined, nothing
+
+Array = NDArray[np.float64]
+
+SILENCE_NS = SECOND  # a frame waits this long, by the stamps of later frames, for counts that cover it
+LINEAR_RAD = 0.35  # the filter takes over when phi is known to this
+SHOWN_RAD = 0.6  # an estimate is published when phi is known to this
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """One frame's bearings, clean and in the order of their tracks."""
+
+    stamp_ns: int
+    track: NDArray[np.int64]
+    beta: Array
+    std: Array
+    reasons: tuple[str, ...]
+
+
+class Calibrator:
+    """Takes ticks and bearings in the order of their stamps; gives one estimate for every frame."""
+
+    def __init__(self, config: Config, stored: Extrinsics | None = None) -> None:
+        self._config = config
+        self._paper = config.calibration.mode == "paper"
+        self._odometer = Odometer(config.encoder, config.robot.wheel_base_m)
+        self._batch = Batch(config)
+        self._held: deque[Sighting] = deque()
+        self._refused: Counter[str] = Counter()
+        self._newest_ns = -1  # frame received
+        self._last_ns: int | None = None  # frame worked on
+        self._last_key: Motion | None = None  # motion since the last keyframe; None before the first
+        self._frames = 0
+        self._driven_m = 0.0
+        self._turned_rad = 0.0
+        self._next_solve = 12  # keyframes
+        self._result: Result | None = None
+        self._filter: Filter | None = None
+        self._innovation = Innovation(0, 0, 0)
+        self._lines_seen = 0
+        self._state = State.WAITING
+        self._claimed: Array | None = None  # sigmas of the last extrinsics
+        self._claimed_frame = 0
+        self._stored: Mount | None = None
+        if self._paper:
+            c = config.calibration
+            self._filter = Filter(
+                np.array([c.start_phi_rad, c.start_rho_m, c.start_psi_rad]),
+                np.diag([0.5**2, 0.1**2, 0.5**2]),
+                rules_of_the_paper(config.robot.wheel_base_m, config.encoder.noise_k_m),
+            )
+        elif stored is not None:
+            mount = stored.mount
+            self._stored = mount
+            self._filter = Filter(np.array([mount.phi_rad, mount.rho_m, mount.psi_rad]), mount.covariance, Rules())
+            self._state = stored.state
+            self._claimed = np.sqrt(np.diag(mount.covariance))
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Bad input so far, by reason."""
+        return dict(self._refused + self._odometer.refused)
+
+    def step(self, message: Ticks | Bearings) -> tuple[Estimate | Extrinsics, ...]:
+        match message:
+            case Ticks():
+                self._odometer.push(message)
+            case Bearings():
+                self._take(message)
+        out: list[Estimate | Extrinsics] = []
+        while self._held and self._is_due(self._held[0]):
+            out += self._work(self._held.popleft())
+        return tuple(out)
+
+    def close(self) -> tuple[Estimate | Extrinsics, ...]:
+        """No more messages will come: what is held goes through without counts."""
+        out: list[Estimate | Extrinsics] = []
+        while self._held:
+            out += self._work(self._held.popleft())
+        return tuple(out)
+
+    def _take(self, bearings: Bearings) -> None:
+        if bearings.stamp_ns <= self._newest_ns:
+            self._refused["bearings: stamp not after the one before"] += 1
+            return
+        self._newest_ns = bearings.stamp_ns
+        track, beta, std = bearings.track_id, bearings.bearing_rad, bearings.std_rad
+        good = np.isfinite(beta) & np.isfinite(std) & (std > 0.0)
+        names, count = np.unique(track, return_counts=True)
+        good &= ~np.isin(track, names[count > 1])
+        if not good.all():
+            self._refused["bearings: track repeated in a frame, or a value that is no number"] += int((~good).sum())
+        order = np.flatnonzero(good)
+        order = order[np.argsort(track[order], kind="stable")]
+        std = np.maximum(std[order], np.deg2rad(self._config.calibration.bearing_floor_deg))
+        self._held.append(
+            Sighting(bearings.stamp_ns, track[order], wrap(beta[order]), std, tuple(bearings.reasons[:12]))
+        )
+
+    def _is_due(self, sighting: Sighting) -> bool:
+        newest = self._odometer.newest_ns
+        return (newest is not None and newest >= sighting.stamp_ns) or (
+            self._newest_ns - sighting.stamp_ns > SILENCE_NS
+        )
+
+    def _work(self, sighting: Sighting) -> list[Estimate | Extrinsics]:
+        reasons = list(sighting.reasons)
+        self._frames += 1
+        motion = self._motion(sighting.stamp_ns, reasons)
+        if motion is not None:
+            self._driven_m += motion.driven_m
+            self._turned_rad += motion.turned_rad
+            if self._last_key is not None:
+                self._last_key = joined(self._last_key, motion)
+            if self._filter is not None:
+                self._filter.predict(motion)
+            if self._is_keyframe():
+                self._see(sighting, reasons)
+        self._lines_seen = sighting.track.size
+        self._odometer.forget_before(self._last_ns or 0)
+        return self._told(sighting.stamp_ns, reasons)
+
+    def _motion(self, stamp_ns: int, reasons: list[str]) -> Motion | None:
+        """Since the last frame that the wheels covered; the first one has moved nowhere."""
+        first = self._odometer.motion(stamp_ns, stamp_ns)
+        if first is None:
+            reasons.append("no wheel counts at this frame")
+            return None
+        if self._last_ns is None:
+            self._last_ns = stamp_ns
+            return nothing()
+        motion = self._odometer.motion(self._last_ns, stamp_ns)
+        self._last_ns = stamp_ns
+        if motion is None:
+            reasons.append("the wheels' counts broke off; the way since the last frame is unknown")
+            self._batch.cut_chain()
+            self._last_key = None
+            if self._filter is not None:
+                self._filter.forget_lines()
+            return nothing()
+        return motion
+
+    def _is_keyframe(self) -> bool:
+        if self._last_key is None or self._paper:
+            return True
+        settings = self._config.calibration
+        return self._last_key.driven_m >= settings.keyframe_step_m or self._last_key.turned_rad >= np.deg2rad(
+            settings.keyframe_turn_deg
+        )
+
+    def _see(self, sighting: Sighting, reasons: list[str]) -> None:
+        if self._filter is not None:
+            self._innovation = self._filter.update(sighting.track, sighting.beta, sighting.std)
+            if not _is_sound(self._filter):
+                self._refused["filter: covariance lost its definiteness"] += 1
+                reasons.append("the filter lost its footing and starts anew")
+                self._filter = None
+        else:
+            self._innovation = Innovation(0, sighting.track.size, 0)
+        if self._paper:
+            return
+        self._batch.append(self._last_key or nothing(), sighting.track, sighting.beta, sighting.std)
+        self._last_key = nothing()
+        if self._batch.keyframes >= self._next_solve:
+            self._next_solve = self._batch.keyframes + max(4, min(20, self._batch.keyframes // 10))
+            self._result = self._batch.solve()
+            self._reseed(reasons)
+
+    def _reseed(self, reasons: list[str]) -> None:
+        """The filter takes the batch's joint where that knows more, or disagrees."""
+        result = self._result
+        if result is None or len(result.centres) < 2:  # nothing to start from
+            if self._stored is None:
+                self._filter = None
+            return
+        sigma = np.sqrt(np.diag(result.covariance))
+        if self._filter is None:
+            if np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
+                self._filter = _seeded(result)
+            return
+        off = result.mount - self._filter.mount
+        off[[0, 2]] = wrap(off[[0, 2]])
+        if self._stored is not None:
+            spread = result.honest_covariance + self._stored.covariance
+            if float(off @ np.linalg.solve(spread, off)) > 21.1 and len(result.centres) >= 2:  # 1 in 10 000
+                reasons.append("the drive contradicts the stored mount, which is dropped")
+                self._stored, self._claimed, self._state = None, None, State.NOT_YET
+                self._filter = _seeded(result)
+                return
+            if (np.sqrt(np.diag(result.honest_covariance)) > np.sqrt(np.diag(self._stored.covariance))).any():
+                return
+            self._stored = None
+        held = np.sqrt(np.diag(self._filter.mount_covariance))
+        if (np.abs(off) > 0.5 * sigma).any() or (held > 1.3 * sigma).any():
+            self._filter = _seeded(result)
+
+    def _told(self, stamp_ns: int, reasons: list[str]) -> list[Estimate | Extrinsics]:
+        mount, covariance = self._mount()
+        if self._stored is not None:
+            reasons.insert(0, "taken up from the store")
+        judged = self._judged(mount, covariance)
+        self._state = judged.state
+        published = None
+        if mount is not None and covariance is not None and self._is_shown(covariance):
+            published = Mount(float(mount[0]), float(mount[1]), float(mount[2]), covariance)
+        estimate = Estimate(
+            stamp_ns=stamp_ns,
+            frame=self._frames,
+            mount=published,
+            state=judged.state,
+            phi=judged.phi,
+            rho=judged.rho,
+            psi=judged.psi,
+            next_manoeuvre=judged.next_manoeuvre,
+            driven_m=self._driven_m,
+            turned_rad=self._turned_rad,
+            lines_used=self._innovation.used,
+            lines_new=self._innovation.new,
+            lines_rejected=self._innovation.rejected,
+            reasons=tuple(dict.fromkeys(reasons))[:16],
+        )
+        out: list[Estimate | Extrinsics] = [estimate]
+        if published is not None and judged.state is State.CALIBRATED and self._is_news(published):
+            self._claimed = np.sqrt(np.diag(published.covariance))
+            self._claimed_frame = self._frames
+            out.append(
+                Extrinsics(
+                    stamp_ns=stamp_ns,
+                    robot=self._config.robot.id,
+                    camera=self._config.camera.id,
+                    mount=published,
+                    state=judged.state,
+                    frames=self._frames,
+                    reasons=estimate.reasons,
+                    software=f"omnivert {omnivert.__version__}",
+                    rig_digest=self._config.rig_digest(),
+                )
+            )
+        return out
+
+    def _mount(self) -> tuple[Array | None, Array | None]:
+        """phi, rho, psi and the covariance that may be claimed, without what only the wheels' noise has shown."""
+        if self._filter is not None:
+            covariance = self._filter.mount_covariance
+            if self._result is not None and self._stored is None:
+                covariance = covariance + self._result.excess
+            return self._filter.mount, 0.5 * (covariance + covariance.T)
+        if self._result is not None and len(self._result.centres) >= 2:
+            covariance = self._result.honest_covariance
+            return self._result.mount, 0.5 * (covariance + covariance.T)
+        return None, None
+
+    def _is_shown(self, covariance: Array) -> bool:
+        return self._paper or float(np.sqrt(covariance[0, 0])) < SHOWN_RAD
+
+    def _judged(self, mount: Array | None, covariance: Array | None) -> Verdict:
+        result = self._result
+        shown = Shown(
+            frames=self._frames,
+            lines=self._lines_seen,
+            ticks=self._last_ns is not None,
+            driven_m=self._driven_m,
+            turned_rad=self._turned_rad,
+            centres=result.centres if result is not None else self._batch.centres(),
+            covariance=covariance,
+            rho_m=0.0 if mount is None else float(mount[1]),
+            contradicted="",
+            disagreement=0.0 if result is None or self._stored is not None else result.disagreement,
+            sum_rad=None if result is None else result.sum_sigma(),
+            restored=self._stored is not None,
+        )
+        return verdict(shown, self._config.calibration, self._state)
+
+    def _is_news(self, mount: Mount) -> bool:
+        """A claim is news the first time, and when a sigma has fallen by a tenth, at most every 15 frames."""
+        if self._claimed is None:
+            return True
+        better = np.sqrt(np.diag(mount.covariance)) < 0.9 * self._claimed
+        return bool(better.any()) and self._frames - self._claimed_frame >= 15
+
+
+def _seeded(result: Result) -> Filter:
+    lines, covariance, tracks = result.seed
+    fresh = Filter(result.mount, result.covariance, Rules())
+    fresh.seed(result.mount, lines, covariance, list(tracks))
+    return fresh
+
+
+def _is_sound(candidate: Filter) -> bool:
+    if not (np.isfinite(candidate.x).all() and np.isfinite(candidate.P).all()):
+        return False
+    return bool((np.diag(candidate.P) > 0.0).all())

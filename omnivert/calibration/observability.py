@@ -1,0 +1,152 @@
+"""What the drive has shown of the mount, from the information gathered; not from the wheels' noise.
+
+At one fixed centre of rotation (a turn on the spot, one circle) the bearings stay the same when camera and lines are
+scaled and turned about that centre. A solution slides along this valley, and the jitter of the wheels then looks like
+excitation. So the information is also taken on the nominal way: the simplest one that the wheels cannot be told from,
+made of pieces with one centre of rotation each. The larger sigma counts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from omnivert.angles import wrap
+from omnivert.calibration.normal import Unknowns, normal, places, sights
+from omnivert.calibration.problem import Problem, dead_reckoned
+from omnivert.calibration.smoother import Solution
+from omnivert.odometry import arc
+
+Array = NDArray[np.float64]
+
+BRIDGE = 1.7  # a Brownian bridge of unit variance exceeds this in 1 of 160 cases
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Part of the way with one centre of rotation, as far as the wheels tell."""
+
+    steps: int
+    right_m: float
+    left_m: float
+    way_m: float  # sum of |way|
+    turned_rad: float  # sum of |heading change|
+
+    @property
+    def slant(self) -> float:
+        """Direction in the plane of wheel displacements, mod pi: 0 straight, pi/2 on the spot, alike = same centre."""
+        return float(wrap(2.0 * np.arctan2(self.right_m - self.left_m, self.right_m + self.left_m)) / 2.0)
+
+
+def pieces(wheels: Array, base: float, noise_k: float, tick_m: float) -> list[Piece]:
+    """The way cut where the ratio of the wheels changes by more than their noise explains.
+
+    wheels   (S, 2)  m  right, left displacement of each step
+    base             m
+    noise_k          m  K
+    tick_m           m  one count
+    """
+    found: list[Piece] = []
+    first = 0
+    while first < wheels.shape[0]:
+        last = first + 1
+        while last < wheels.shape[0] and _one_ratio(wheels[first : last + 1], noise_k, tick_m):
+            last += 1
+        part = wheels[first:last]
+        right, left = part.sum(axis=0)
+        found.append(
+            Piece(
+                last - first,
+                float(right),
+                float(left),
+                float(np.abs(part.sum(axis=1)).sum() / 2.0),
+                float(np.abs(part[:, 0] - part[:, 1]).sum()) / base,
+            )
+        )
+        first = last
+    return found
+
+
+def nominal_steps(problem: Problem, base: float, noise_k: float, tick_m: float) -> tuple[Array, list[Piece]]:
+    """Increments (F-1, 3) of the nominal way, and its pieces."""
+    found = pieces(problem.wheels_m, base, noise_k, tick_m)
+    wheels = np.empty_like(problem.wheels_m)
+    at = 0
+    for piece in found:
+        part = problem.wheels_m[at : at + piece.steps]
+        direction = np.array([piece.right_m, piece.left_m])
+        length = float(np.hypot(*direction))
+        direction = direction / length if length > 0.0 else np.zeros(2)
+        wheels[at : at + piece.steps] = (part @ direction)[:, None] * direction
+        at += piece.steps
+    return arc(wheels[:, 0], wheels[:, 1], base), found
+
+
+def nominal_information(problem: Problem, solution: Solution, step: Array) -> Array:
+    """Information (3, 3) on eta, cx, cy, had the robot driven the increments `step` among the same lines."""
+    pose = dead_reckoned(step)
+    x = solution.x
+    lines = np.arange(x.u.size)
+    order = np.argsort(problem.line, kind="stable")
+    bounds = np.searchsorted(problem.line[order], np.arange(lines.size + 1))
+    middle = problem.frame[order[np.minimum((bounds[:-1] + bounds[1:]) // 2, order.size - 1)]]
+    old, new = x.pose[middle], pose[middle]
+    turn = new[:, 2] - old[:, 2]
+    c, s = np.cos(turn), np.sin(turn)
+    off = places(x, lines) - old[:, :2]
+    place = new[:, :2] + np.stack([c * off[:, 0] - s * off[:, 1], s * off[:, 0] + c * off[:, 1]], axis=1)
+    sight = place - new[:, :2]
+    anchored = Unknowns(
+        pose,
+        x.mount,
+        new[:, :2].copy(),
+        np.arctan2(sight[:, 1], sight[:, 0]),
+        1.0 / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-3),
+    )
+    n = normal(
+        problem,
+        anchored,
+        sights(problem, anchored),
+        solution.weight / problem.std**2,
+        problem.step_information(),
+        0.0,
+    )
+    return Solution(anchored, solution.weight, solution.score, n).mount_information()
+
+
+def covariance_from_information(information: Array) -> Array:
+    """Inverse (3, 3) of eta, cx, cy; what nothing is known of gets a sigma of 100 rad or m."""
+    return np.asarray(np.linalg.inv(0.5 * (information + information.T) + 1e-4 * np.eye(3)), dtype=np.float64)
+
+
+def larger(first: Array, second: Array) -> Array:
+    """The smallest covariance that is at least as large as both in every direction that they share as axes."""
+    value, vector = eigh(second, first)
+    # first = V^-T V^-1 and second = V^-T diag(value) V^-1
+    back = first @ vector
+    return np.asarray(back @ np.diag(np.maximum(value, 1.0)) @ back.T)
+
+
+def centres(found: list[Piece]) -> list[Piece]:
+    """The pieces long enough to count, one for each clearly different centre of rotation."""
+    kept: list[Piece] = []
+    for piece in sorted(found, key=lambda p: -(p.way_m + 0.2 * p.turned_rad)):
+        if piece.way_m < 0.25 and piece.turned_rad < np.deg2rad(25.0):
+            continue
+        if all(abs(wrap(2.0 * (piece.slant - k.slant))) / 2.0 > 0.17 for k in kept):
+            kept.append(piece)
+    return kept
+
+
+def _one_ratio(wheels: Array, noise_k: float, tick_m: float) -> bool:
+    """Whether displacements (S, 2) may be of one ratio right : left throughout."""
+    total = wheels.sum(axis=0)
+    length = float(np.hypot(*total))
+    if length < 1e-9:
+        return bool(np.abs(wheels).max() < 4.0 * tick_m)
+    direction = total / length
+    off = wheels[:, 0] * direction[1] - wheels[:, 1] * direction[0]
+    variance = noise_k * (np.abs(wheels[:, 0]) * direction[1] ** 2 + np.abs(wheels[:, 1]) * direction[0] ** 2)
+    bound = BRIDGE * np.sqrt(float(variance.sum())) + 3.0 * tick_m
+    return bool(np.abs(np.cumsum(off)).max() < bound)

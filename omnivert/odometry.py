@@ -1,0 +1,193 @@
+"""Wheel counts -> the robot's motion between two stamps, with its covariance (eqs. 14, 15, 31)."""
+
+from collections import Counter, deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.config import Encoder
+from omnivert.messages import Ticks
+
+Array = NDArray[np.float64]
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """How the robot moved between two stamps, seen from where it was at the first."""
+
+    pose: Array  # (3,) m, m, rad: x forward, y left, heading
+    covariance: Array  # (3, 3) of pose, by the wheels' noise
+    wheels_m: Array  # (2,) right, left, as the encoders tell
+    driven_m: float  # way of the origin, forward or backward
+    turned_rad: float  # sum of |heading change|
+
+
+def nothing() -> Motion:
+    return Motion(np.zeros(3), np.zeros((3, 3)), np.zeros(2), 0.0, 0.0)
+
+
+def arc(right: Array, left: Array, base: float) -> Array:
+    """Pose after one arc (eqs. 14, 15).
+
+    right, left  (N,)  m    wheel displacements
+    base               m    distance between the wheels, e
+    returns      (N, 3)     x, y, heading; m, m, rad
+
+    Paper: the chord is as long as the arc. Here: the chord of the arc, because it costs nothing.
+    """
+    turn = (right - left) / base
+    way = 0.5 * (right + left) * np.sinc(turn / (2.0 * np.pi))
+    return np.stack([way * np.cos(0.5 * turn), way * np.sin(0.5 * turn), turn], axis=-1)
+
+
+def motion_from_wheels(right: Array, left: Array, base: float, noise_k: float, tick_m: float = 0.0) -> Motion:
+    """Arcs one after the other (eq. 14), each wheel with a variance of K per metre (eq. 31).
+
+    right, left  (N,)  m  wheel displacements between consecutive encoder samples
+    base               m
+    noise_k            m  K
+    tick_m             m  one count; the ends of the motion are rounded to it
+    """
+    steps = arc(right, left, base)
+    heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
+    before, end = heading[:-1], heading[-1]
+    along = before + 0.5 * steps[:, 2]
+    chord = np.hypot(steps[:, 0], steps[:, 1]) * np.where(right + left < 0.0, -1.0, 1.0)
+    x = np.concatenate([[0.0], np.cumsum(chord * np.cos(along))])
+    y = np.concatenate([[0.0], np.cumsum(chord * np.sin(along))])
+    # The end's slope by each wheel step: it lengthens its own chord, and turns all that follows about its own end.
+    slopes = np.empty((2, right.size, 3))
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        slopes[side, :, 0] = 0.5 * np.cos(along) - sign / base * (y[-1] - 0.5 * (y[:-1] + y[1:]))
+        slopes[side, :, 1] = 0.5 * np.sin(along) + sign / base * (x[-1] - 0.5 * (x[:-1] + x[1:]))
+        slopes[side, :, 2] = sign / base
+    variance = noise_k * np.abs(np.stack([right, left]))
+    covariance = np.einsum("sni,sn,snj->ij", slopes, variance, slopes)
+    if tick_m > 0.0 and right.size:
+        mean = slopes.mean(axis=1)
+        covariance = covariance + tick_m**2 / 6.0 * mean.T @ mean  # both ends, each uniform over a count
+    return Motion(
+        np.array([x[-1], y[-1], end]),
+        0.5 * (covariance + covariance.T),
+        np.array([right.sum(), left.sum()]),
+        float(np.abs(chord).sum()),
+        float(np.abs(steps[:, 2]).sum()),
+    )
+
+
+def after(pose: Array, step: Array) -> Array:
+    """The pose reached from `pose` by `step`, which is seen from `pose`; (..., 3) each."""
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    return np.stack(
+        [
+            pose[..., 0] + c * step[..., 0] - s * step[..., 1],
+            pose[..., 1] + s * step[..., 0] + c * step[..., 1],
+            pose[..., 2] + step[..., 2],
+        ],
+        axis=-1,
+    )
+
+
+def joined(first: Motion, second: Motion) -> Motion:
+    """Two motions, one after the other, as one."""
+    c, s = np.cos(first.pose[2]), np.sin(first.pose[2])
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    carried = np.eye(3)
+    carried[:2, 2] = -s * second.pose[0] - c * second.pose[1], c * second.pose[0] - s * second.pose[1]
+    covariance = carried @ first.covariance @ carried.T + turn @ second.covariance @ turn.T
+    return Motion(
+        after(first.pose, second.pose),
+        0.5 * (covariance + covariance.T),
+        first.wheels_m + second.wheels_m,
+        first.driven_m + second.driven_m,
+        first.turned_rad + second.turned_rad,
+    )
+
+
+class Odometer:
+    """Takes the counts as they come and tells the motion between stamps.
+
+    A count that no wheel could have reached is refused. When the next one goes on from where the refused one was, the
+    device has been restarted: the chain is broken, and no motion is told across the break. The same holds across a
+    silence in which the wheels turned.
+    """
+
+    def __init__(self, encoder: Encoder, wheel_base_m: float) -> None:
+        self.refused: Counter[str] = Counter()
+        self._encoder = encoder
+        self._base = wheel_base_m
+        self._chain = 0  # grows with every break
+        self._known: deque[tuple[int, int, float, float]] = deque()  # stamp, chain, right, left
+        self._suspect: Ticks | None = None
+
+    @property
+    def newest_ns(self) -> int | None:
+        return self._known[-1][0] if self._known else None
+
+    def push(self, ticks: Ticks) -> None:
+        if not self._known:
+            self._append(ticks)
+            return
+        if ticks.stamp_ns <= self._known[-1][0]:
+            self.refused["ticks: stamp not after the one before"] += 1
+            return
+        if self._reachable(ticks, *self._known[-1][::2], self._known[-1][3]):
+            self._suspect = None
+        else:
+            suspect = self._suspect
+            scale = self._encoder.metres_per_tick
+            if suspect is None or not self._reachable(
+                ticks, suspect.stamp_ns, suspect.right * scale, suspect.left * scale
+            ):
+                self.refused["ticks: a jump that no wheel can make"] += 1
+                self._suspect = ticks
+                return
+            self._suspect = None
+            self._chain += 1
+            self._append(suspect)
+        stamp, _, right, left = self._known[-1]
+        scale = self._encoder.metres_per_tick
+        moved = max(abs(ticks.right * scale - right), abs(ticks.left * scale - left))
+        if ticks.stamp_ns - stamp > self._encoder.max_gap_s * SECOND and moved > 0.01:
+            self.refused["ticks: silent while the wheels turned"] += 1
+            self._chain += 1
+        self._append(ticks)
+
+    def motion(self, first_ns: int, last_ns: int) -> Motion | None:
+        """From one stamp to a later one; None where the counts do not reach, or where the chain is broken."""
+        known = self._known
+        if not known or first_ns < known[0][0] or last_ns > known[-1][0]:
+            return None
+        stamps = np.array([k[0] for k in known], dtype=np.int64)
+        i = int(np.searchsorted(stamps, first_ns, side="right")) - 1
+        j = int(np.searchsorted(stamps, last_ns, side="left"))
+        part = [known[k] for k in range(i, j + 1)]
+        if part[0][1] != part[-1][1]:
+            return None
+        at = (stamps[i : j + 1] - first_ns) / SECOND
+        inside = [
+            0.0,
+            *(float(t) for t in at if 0.0 < t < (last_ns - first_ns) / SECOND),
+            (last_ns - first_ns) / SECOND,
+        ]
+        right = np.interp(inside, at, [k[2] for k in part])
+        left = np.interp(inside, at, [k[3] for k in part])
+        return motion_from_wheels(
+            np.diff(right), np.diff(left), self._base, self._encoder.noise_k_m, self._encoder.metres_per_tick
+        )
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Counts that no motion from `stamp_ns` on needs."""
+        while len(self._known) > 1 and self._known[1][0] <= stamp_ns:
+            self._known.popleft()
+
+    def _append(self, ticks: Ticks) -> None:
+        scale = self._encoder.metres_per_tick
+        self._known.append((ticks.stamp_ns, self._chain, ticks.right * scale, ticks.left * scale))
+
+    def _reachable(self, ticks: Ticks, stamp_ns: int, right: float, left: float) -> bool:
+        scale = self._encoder.metres_per_tick
+        reach = self._encoder.max_speed_m_s * (ticks.stamp_ns - stamp_ns) / SECOND + 2.0 * scale
+        return max(abs(ticks.right * scale - right), abs(ticks.left * scale - left)) <= reach

@@ -1,0 +1,109 @@
+"""A whole synthetic drive as messages, with its exact truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.angles import wrap
+from omnivert.config import Config
+from omnivert.messages import Bearings, Ticks
+from omnivert.simulation import robot, world
+
+Array = NDArray[np.float64]
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What can be varied. The defaults are a careful robot in a room, filmed three times a second."""
+
+    path: robot.Path = "alternate"
+    mount: tuple[float, float, float] | None = None  # phi, rho, psi; None: anything, rho 0.08 to 0.40 m
+    bearing_std_rad: float = 0.003
+    outliers: float = 0.05  # share of bearings that point anywhere
+    visible: float = 10.0  # lines seen in a frame, on average
+    lines: int | None = None  # in the world; None: three times as many as are seen
+    lasting: bool = False  # lines neither die nor leave
+    distance_scale: float = 1.0  # makes all lines far
+    frame_s: float = 1.0 / 3.0
+    sample_s: float = 0.0196
+    radius_m: float = 0.5  # of path "arc"
+    repeat: int = 1  # times the path is driven
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    messages: tuple[Ticks | Bearings, ...]  # by stamp
+    mount: Array  # (3,) phi, rho, psi
+    pose: Array  # (F, 3) the robot at each frame
+    line_of_track: dict[int, Array]  # track -> (2,) m
+    inlier: tuple[NDArray[np.bool_], ...]  # by frame, beside its bearings
+
+
+def recorded(scene: Scene, config: Config, seed: int) -> Drive:
+    """The messages that bridge and vision would have sent."""
+    rng = np.random.default_rng(seed)
+    scale = config.encoder.metres_per_tick
+    phi, rho, psi = scene.mount or (rng.uniform(-np.pi, np.pi), rng.uniform(0.08, 0.40), rng.uniform(-np.pi, np.pi))
+    trip = robot.drive(
+        scene.path,
+        config.robot.wheel_base_m,
+        config.encoder.noise_k_m,
+        scene.sample_s,
+        rng,
+        scene.radius_m,
+        scene.repeat,
+    )
+    time = np.arange(0.0, trip.time_s[-1], scene.frame_s)
+    pose = np.stack([np.interp(time, trip.time_s, trip.pose[:, k]) for k in range(3)], axis=1)
+    count = scene.lines or int(3 * scene.visible)
+    lines = world.lines_beside(trip.pose[:, :2], count, rng)
+    if scene.lasting:
+        seen = np.ones((time.size, count), dtype=np.bool_)
+    else:
+        seen = world.seen_lines(lines, pose[:, :2], scene.visible, rng)
+    lines = lines * scene.distance_scale
+    track = _tracks(seen)
+    messages: list[Ticks | Bearings] = [
+        Ticks(round(t * SECOND), round(left / scale), round(right / scale))
+        for t, (right, left) in zip(trip.time_s.tolist(), trip.wheels_m.tolist(), strict=True)
+    ]
+    inlier = []
+    for frame, t in enumerate(time.tolist()):
+        x, y, heading = pose[frame]
+        camera = np.array([x + rho * np.cos(heading + phi), y + rho * np.sin(heading + phi)])
+        index = np.flatnonzero(seen[frame])
+        sight = lines[index] - camera
+        beta = np.arctan2(sight[:, 1], sight[:, 0]) - heading - phi - psi
+        beta = beta + scene.bearing_std_rad * rng.standard_normal(index.size)
+        good = rng.random(index.size) >= scene.outliers
+        beta = np.where(good, beta, rng.uniform(-np.pi, np.pi, index.size))
+        inlier.append(good)
+        messages.append(
+            Bearings(
+                stamp_ns=round(t * SECOND),
+                track_id=track[frame, index],
+                bearing_rad=wrap(beta),
+                std_rad=np.full(index.size, scene.bearing_std_rad),
+                age_frames=np.zeros(index.size, dtype=np.int32),
+                strength=np.ones(index.size, dtype=np.float32),
+            )
+        )
+    messages.sort(key=lambda m: (m.stamp_ns, isinstance(m, Bearings)))
+    place = {int(k): lines[j] for j in range(count) for k in np.unique(track[seen[:, j], j])}
+    return Drive(tuple(messages), np.array([wrap(phi), rho, wrap(psi)]), pose, place, tuple(inlier))
+
+
+def _tracks(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Identities (F, L): a line that stays unseen for more than three frames comes back as a new one."""
+    track = np.full(seen.shape, -1, dtype=np.int64)
+    fresh = 0
+    for line in range(seen.shape[1]):
+        last = -100
+        for frame in np.flatnonzero(seen[:, line]):
+            if frame - last > 4:
+                fresh += 1
+            track[frame, line] = fresh
+            last = int(frame)
+    return track

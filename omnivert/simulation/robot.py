@@ -1,0 +1,80 @@
+"""A robot on a commanded path: the encoders tell the command, the world gets it with wheel noise (eq. 31)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.odometry import after, arc
+
+Array = NDArray[np.float64]
+Path = Literal["paper", "alternate", "straight", "turn", "arc", "still"]
+
+SPEED = 0.15  # m/s
+TURN_RATE = np.deg2rad(9.0)  # rad/s
+RAMP_S = 0.3  # to full speed, and to a stop
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot:
+    """One drive. Samples are the encoders' own."""
+
+    time_s: Array  # (S,)
+    wheels_m: Array  # (S, 2) right, left, cumulative, as the encoders tell
+    pose: Array  # (S, 3) where the robot really was
+
+
+def drive(
+    path: Path,
+    base: float,
+    noise_k: float,
+    sample_s: float,
+    rng: np.random.Generator,
+    radius: float = 0.5,
+    repeat: int = 1,
+) -> Robot:
+    """A drive from (0, 0, 0).
+
+    path      paper: straight 3.3 m, then 180 deg on the spot (Fig. 25); alternate: three times 0.75 m and 90 deg;
+              straight: 6 m; turn: 360 deg; arc: 40 s on a circle of `radius`; still: 40 s
+    base      m
+    noise_k   m    variance of a wheel's displacement per metre, drawn anew at each sample
+    sample_s  s    time between encoder samples
+    """
+    match path:
+        case "paper":
+            legs = [(3.3, 0.0), (0.0, np.pi)]
+        case "alternate":
+            legs = [(0.75, 0.0), (0.0, np.pi / 2)] * 3
+        case "straight":
+            legs = [(6.0, 0.0)]
+        case "turn":
+            legs = [(0.0, 2.0 * np.pi)]
+        case "arc":
+            legs = [(40.0 * SPEED, 40.0 * SPEED / radius)]
+        case "still":
+            legs = []
+    steps = [np.zeros((1, 2))]
+    for way, turn in legs * repeat:
+        duration = max(abs(way) / SPEED, 0.0 if way else abs(turn) / TURN_RATE) + RAMP_S
+        time = np.arange(0.0, duration + sample_s, sample_s)
+        share = np.diff(np.clip(_ramped(time, duration), 0.0, 1.0))
+        steps.append(share[:, None] * np.array([way + 0.5 * base * turn, way - 0.5 * base * turn]))
+    if not legs:
+        steps.append(np.zeros((round(40.0 / sample_s), 2)))
+    told = np.concatenate(steps)
+    real = told + np.sqrt(noise_k * np.abs(told)) * rng.standard_normal(told.shape)
+    pose = np.zeros((told.shape[0], 3))
+    for i, step in enumerate(arc(real[1:, 0], real[1:, 1], base)):
+        pose[i + 1] = after(pose[i], step)
+    return Robot(sample_s * np.arange(told.shape[0], dtype=np.float64), np.cumsum(told, axis=0), pose)
+
+
+def _ramped(time: Array, duration: float) -> Array:
+    """Share of the way done: speed rises for RAMP_S, stays, and falls for RAMP_S."""
+    full = duration - RAMP_S
+    up = np.minimum(time, RAMP_S)
+    down = np.clip(time - full, 0.0, RAMP_S)
+    middle = np.clip(time - RAMP_S, 0.0, full - RAMP_S)
+    return (0.5 * up**2 / RAMP_S + middle + down - 0.5 * down**2 / RAMP_S) / full
