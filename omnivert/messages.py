@@ -182,6 +182,9 @@ class Playback:
     played: Count  # messages
     total: Count
     finished: bool
+    frame_ns: StampNs = 0  # of the newest frame played
+    ticks_ns: StampNs = 0  # of the newest ticks played
+    lost: Count = 0  # frames played for which no result came
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,6 +199,8 @@ class Health:
     published: dict[Name, Count] = field(default_factory=dict)  # by key
     dropped: dict[Name, Count] = field(default_factory=dict)  # by key: displaced here because a newer one had come
     gaps: dict[Name, Count] = field(default_factory=dict)  # by key: missing by sequence number
+    reordered: dict[Name, Count] = field(default_factory=dict)  # by key: came after a later one, or twice
+    restarts: dict[Name, Count] = field(default_factory=dict)  # by key: another process publishes than before
     refused: dict[Text, Count] = field(default_factory=dict)  # by reason
     latency_p50_ms: Annotated[float, Within(0.0, 1e9)] | None = None  # publication there to result here
     latency_p99_ms: Annotated[float, Within(0.0, 1e9)] | None = None

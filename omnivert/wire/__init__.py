@@ -1,0 +1,1 @@
+"""How messages travel and rest: bytes, channels, the bus, recordings."""

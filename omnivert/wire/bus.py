@@ -1,0 +1,435 @@
+"""The bus: zenoh behind a few verbs. The only module that knows zenoh.
+
+A service is a client of one router. Nothing is scouted for, nothing listens; every stream is published so that no
+publisher waits for a consumer (DROP), and every message that is lost on the way is counted where it is missed.
+"""
+
+import json
+import logging
+import os
+import secrets
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from omnivert.config import Config
+from omnivert.errors import DataError, UseError
+from omnivert.messages import Message
+from omnivert.wire.channels import HEALTH, Channel, health_key
+from omnivert.wire.codec import encode
+from omnivert.wire.envelope import Envelope
+from omnivert.wire.forms import WireError
+from omnivert.wire.inbox import Inbox, Parcel
+from omnivert.wire.meter import Meter
+from omnivert.wire.presence import Presence
+from omnivert.wire.received import Received, message_of, opened
+from omnivert.wire.settings import client_settings, router_settings
+from omnivert.wire.signals import Signals
+
+__all__ = ["Bus", "Received", "Router"]
+
+_log = logging.getLogger("omnivert.bus")
+
+_CLOSE_S = 2.0  # zenoh may hang in close for 10 s, and a session that is not closed hangs the exit
+
+
+class Bus:
+    """One process's door to the robot's bus.
+
+    While it is open, SIGTERM and SIGINT stop it (where nobody else takes them), also while it still connects; a bus
+    that was stopped hears and publishes nothing.
+
+    patience_s  how long to try for a router before giving up; None: until it is there
+    """
+
+    def __init__(self, config: Config, service: str, instance: str, patience_s: float | None = None) -> None:
+        if not all(part and not set(part) & set("/*$?#@ ") for part in (service, instance)):
+            raise ValueError(f"{service}/{instance} cannot stand in a key")
+        self.config = config
+        self.service = service
+        self.instance = instance
+        self.incarnation = secrets.token_bytes(8)
+        self._patience_s = patience_s
+        self._session: zenoh.Session | None = None
+        self._token: Any = None
+        self._lock = threading.Lock()  # of the publishers and the token
+        self._publishers: dict[str, _Publisher] = {}
+        self._declared: list[Any] = []  # zenoh forgets what nobody holds
+        self._inboxes: list[Inbox] = []
+        self._presence = Presence(service, instance, self.incarnation)
+        self._stopped = threading.Event()
+        self._meter = Meter(service, instance, time.monotonic_ns())
+        self._health = threading.Thread(target=self._tell_health, name="health", daemon=True)
+        self._signals = Signals(self.stop)
+
+    # ------------------------------------------------------------------ opening and closing
+
+    def __enter__(self) -> Self:
+        self._signals.watch()
+        try:
+            self._session = self._connected()
+            if self._session is not None:
+                liveliness = self._session.liveliness()
+                self._declared.append(liveliness.declare_subscriber("v1/@live/**", self._seen, history=True))
+                self._health.start()
+        except BaseException:
+            self._close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+        self._close()
+
+    def stop(self) -> None:
+        """Ends every `listen`, from any thread."""
+        self._stopped.set()
+        for inbox in self._inboxes:
+            inbox.close()
+        self._presence.wake()
+
+    @property
+    def stopped(self) -> bool:
+        return self._stopped.is_set()
+
+    def wait_stopped(self, timeout_s: float) -> bool:
+        return self._stopped.wait(timeout_s)
+
+    def _connected(self) -> zenoh.Session | None:
+        """A session, as soon as the router is there; None when stopped before."""
+        config = _zenoh_config(client_settings(self.config))
+        endpoint = self.config.bus.endpoint
+        began, told_s = time.monotonic(), 5.0
+        while not self._stopped.is_set():
+            try:
+                return zenoh.open(config)
+            except zenoh.ZError as error:
+                reason = str(error).splitlines()[0]
+                waited_s = time.monotonic() - began
+                if self._patience_s is not None and waited_s > self._patience_s:
+                    raise DataError("OV401", f"no router at {endpoint}", reason, "omnivert up") from error
+                if waited_s > told_s:
+                    _log.warning("no router at %s for %.0f s: %s", endpoint, waited_s, reason)
+                    told_s *= 4.0
+            self._stopped.wait(0.1)
+        return None
+
+    def _close(self) -> None:
+        session = self._session
+        if session is not None:
+            with _ended_by_force_after(_CLOSE_S):
+                with suppress(zenoh.ZError):
+                    self._publish_health()
+                self._session = None
+                with suppress(zenoh.ZError):
+                    if self._token is not None:
+                        self._token.undeclare()
+                with suppress(zenoh.ZError):
+                    _close(session)
+        self._signals.release()
+
+    # ------------------------------------------------------------------ presence
+
+    def ready(self) -> None:
+        """Tells the others that this service is here. `listen` does so once it can hear."""
+        with self._lock:
+            if self._session is not None and self._token is None:
+                self._token = self._session.liveliness().declare_token(self._presence.key)
+
+    def present(self) -> frozenset[tuple[str, str]]:
+        """(service, instance) of every other service that is here."""
+        return self._presence.services()
+
+    def incarnations(self, service: str) -> frozenset[bytes]:
+        """Names of the other processes of a service that are here."""
+        return self._presence.incarnations(service)
+
+    def alive(self, incarnation: bytes) -> bool:
+        """Whether the process of this name is here."""
+        return self._presence.alive(incarnation)
+
+    def await_presence(self, holds: Callable[[], bool], timeout_s: float) -> bool:
+        """Waits until `holds`, which is asked again whenever somebody comes or goes; whether it does."""
+        self._presence.wait(lambda: self._stopped.is_set() or holds(), timeout_s)
+        return holds()
+
+    def refuse_beside(self, *services: str) -> None:
+        """Says that this service is here, and refuses to be beside others that publish the same.
+
+        raises  UseError when one of `services` is here
+        """
+        self.ready()
+        if self._session is None:
+            return
+        for service in services:
+            for reply in self._session.liveliness().get(f"v1/@live/{service}/**", timeout=1.0):
+                if reply.ok is not None and str(reply.ok.key_expr) != self._presence.key:
+                    raise UseError(
+                        "OV402",
+                        f"{self.service} cannot run beside another {service}",
+                        f"both publish the sensors of robot {self.config.robot.id}, and one {service} is here",
+                        "omnivert monitor",
+                    )
+
+    def _seen(self, sample: zenoh.Sample) -> None:
+        self._presence.token(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+    # ------------------------------------------------------------------ publishing
+
+    def publish(self, channel: Channel, message: Message, cause: Received | None = None, replay: bool = False) -> None:
+        """Sends a message.
+
+        cause   what arrived and led to it; the message then belongs to the same run
+        raises  ValueError when the message is not of the channel, or does not keep its form
+        """
+        if type(message) is not channel.message:
+            raise ValueError(f"{type(message).__name__} does not belong on the channel of {channel.message.__name__}")
+        self.ready()
+        self._put(channel, channel.key(self.config), message, cause, replay)
+
+    def heard(self, channel: Channel) -> bool:
+        """Whether somebody listens to what this service publishes on a channel."""
+        return self._session is not None and self._publisher(channel, channel.key(self.config)).heard
+
+    def _put(self, channel: Channel, key: str, message: Message, cause: Received | None, replay: bool) -> None:
+        data = encode(message)
+        if self._session is None:
+            return
+        if len(data) > self.config.bus.max_message_bytes:
+            self._meter.refused(f"{key}: too large to send")
+            return
+        run = cause.run if cause is not None else self.incarnation
+        try:
+            publisher = self._publisher(channel, key)
+            publisher.put(data, self.incarnation, run, cause.replay if cause is not None else replay)
+        except zenoh.ZError as error:
+            self._meter.refused(f"{key}: not sent")
+            _log.debug("not sent on %s: %s", key, error)
+        else:
+            self._meter.published(key)
+
+    def _publisher(self, channel: Channel, key: str) -> "_Publisher":
+        with self._lock:
+            if key not in self._publishers:
+                if self._session is None:
+                    raise zenoh.ZError("the bus is closed")
+                self._publishers[key] = _Publisher(self._session, channel, key)
+            return self._publishers[key]
+
+    # ------------------------------------------------------------------ listening
+
+    def listen(self, *channels: Channel, period_s: float = 1.0) -> Iterator[Received | None]:
+        """What arrives from now on, in order for each key; None when nothing was given for `period_s`.
+
+        Ends when the bus stops.
+        """
+        inbox = Inbox(self.config.bus.queue_messages, self.config.bus.queue_bytes)
+        self._inboxes.append(inbox)
+        subscribers: list[Any] = []
+        if self._session is not None:
+            for channel in channels:
+                key = channel.key(self.config)
+                subscribers.append(self._session.declare_subscriber(key, self._posted(channel, inbox)))
+            self.ready()
+        return self._taken(inbox, subscribers, period_s)
+
+    def _taken(self, inbox: Inbox, subscribers: list[Any], period_s: float) -> Iterator[Received | None]:
+        try:
+            due_s = time.monotonic() + period_s
+            while not self._stopped.is_set():
+                parcel = inbox.take(max(due_s - time.monotonic(), 0.0))
+                received = self._opened(parcel) if parcel is not None else None
+                if received is not None or (time.monotonic() >= due_s and not self._stopped.is_set()):
+                    yield received
+                    due_s = time.monotonic() + period_s
+        finally:
+            for subscriber in subscribers:
+                with suppress(zenoh.ZError):
+                    subscriber.undeclare()
+
+    def _posted(self, channel: Channel, inbox: Inbox) -> Callable[[zenoh.Sample], None]:
+        """The callback of a subscriber: copies the bytes out, and leaves."""
+
+        def post(sample: zenoh.Sample) -> None:
+            key = str(sample.key_expr)
+            name = key if len(key) <= 64 else channel.key(self.config)
+            try:
+                attachment = sample.attachment
+                envelope = Envelope.unpacked(attachment.to_bytes()) if attachment is not None else None
+                if len(sample.payload) > self.config.bus.max_message_bytes:
+                    self._meter.refused(f"{name}: too large")
+                elif envelope is None:
+                    self._meter.refused(f"{name}: no envelope")
+                else:
+                    self._meter.received(name, envelope)
+                    for displaced in inbox.put(Parcel(channel, name, envelope, sample.payload.to_bytes())):
+                        self._meter.dropped(displaced.key)
+            except Exception as error:  # noqa: BLE001 - zenoh would only log it
+                self._meter.refused(f"{name}: {type(error).__name__} in the callback")
+
+        return post
+
+    def _opened(self, parcel: Parcel) -> Received | None:
+        try:
+            return opened(parcel)
+        except WireError as error:
+            self._meter.refused(f"{parcel.key}: {error.reason}")
+            return None
+
+    # ------------------------------------------------------------------ questions
+
+    def answer(self, channel: Channel, answerer: Callable[[], Message | None]) -> None:
+        """Answers whoever asks on a channel, in a thread of zenoh's, until the bus closes; None: no answer."""
+        key = channel.key(self.config)
+
+        def on_query(query: zenoh.Query) -> None:
+            with query:
+                try:
+                    message = answerer()
+                    if message is not None:
+                        query.reply(key, encode(message))
+                except Exception as error:  # noqa: BLE001 - the asker must hear of it, and zenoh would only log it
+                    self._meter.refused(f"{key}: {type(error).__name__} in the answer")
+                    query.reply_err(type(error).__name__)
+
+        if self._session is not None:
+            self._declared.append(self._session.declare_queryable(key, on_query, complete=True))
+        self.ready()
+
+    def ask(self, channel: Channel, timeout_s: float = 1.0) -> Message | None:
+        """The other services' answer of the newest stamp; None when nobody answers."""
+        if self._session is None:
+            return None
+        key = channel.key(self.config)
+        answers: list[Message] = []
+        with suppress(zenoh.ZError):
+            for reply in self._session.get(
+                key,
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                allowed_destination=zenoh.Locality.REMOTE,
+                timeout=timeout_s,
+            ):
+                try:
+                    if reply.ok is None:
+                        raise WireError("an answer failed")
+                    answers.append(message_of(channel, reply.ok.payload.to_bytes()))
+                except WireError as error:
+                    self._meter.refused(f"{key}: {error.reason}")
+        return max(answers, key=lambda answer: answer.stamp_ns, default=None)
+
+    # ------------------------------------------------------------------ health
+
+    def refuse(self, reason: str, times: int = 1) -> None:
+        """Counts bad input in the health message."""
+        self._meter.refused(reason, times)
+
+    def note(self, text: str | None, about: str = "") -> None:
+        """Sets what a person should know now, or takes it back; one note for each subject."""
+        self._meter.note(text, about)
+
+    def done(self, received: Received) -> None:
+        """The result for this message has been published."""
+        if received.same_clock:
+            self._meter.latency(max(time.monotonic_ns() - received.sent_ns, 0))
+
+    def _tell_health(self) -> None:
+        while True:
+            with suppress(zenoh.ZError):
+                self._publish_health()
+            if self._stopped.wait(1.0):
+                return
+
+    def _publish_health(self) -> None:
+        data = encode(self._meter.health(time.monotonic_ns()))
+        publisher = self._publisher(HEALTH, health_key(self.service, self.instance))
+        publisher.put(data, self.incarnation, self.incarnation, False)
+
+
+class _Publisher:
+    """A zenoh publisher and its sequence numbers, for any thread."""
+
+    def __init__(self, session: zenoh.Session, channel: Channel, key: str) -> None:
+        self._publisher = session.declare_publisher(
+            key,
+            encoding=zenoh.Encoding("application/msgpack").with_schema(f"omnivert.{channel.message.__name__}.v1"),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=getattr(zenoh.Priority, channel.urgency),
+            # A message that goes express takes up a whole batch of a busy link's queue: of bursts of 60 ticks half
+            # were lost.
+            express=False,
+        )
+        self._lock = threading.Lock()
+        self._sequence = 0
+
+    @property
+    def heard(self) -> bool:
+        return self._publisher.matching_status
+
+    def put(self, data: bytes, incarnation: bytes, run: bytes, replay: bool) -> None:
+        with self._lock:
+            envelope = Envelope(incarnation, run, self._sequence, time.monotonic_ns(), replay)
+            self._sequence += 1
+            self._publisher.put(data, attachment=envelope.packed())
+
+
+class Router:
+    """A router of our own, which the services connect to."""
+
+    def __init__(self, config: Config) -> None:
+        self.endpoints = (config.bus.endpoint, *config.bus.listen)
+        self._config = _zenoh_config(router_settings(config))
+        self._session: zenoh.Session | None = None
+
+    def __enter__(self) -> Self:
+        """raises DataError when an end point cannot be opened"""
+        try:
+            self._session = zenoh.open(self._config)
+        except zenoh.ZError as error:
+            raise DataError(
+                "OV403", f"the router cannot listen on {', '.join(self.endpoints)}", str(error).splitlines()[0]
+            ) from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._session is not None:
+            with _ended_by_force_after(_CLOSE_S), suppress(zenoh.ZError):
+                _close(self._session)
+
+
+def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _close(session: Any) -> None:  # zenoh's own type for it is incomplete
+    session.close()
+
+
+@contextmanager
+def _ended_by_force_after(limit_s: float) -> Iterator[None]:
+    """What hangs in here ends the process."""
+    guard = threading.Timer(limit_s, _give_up, (limit_s,))
+    guard.daemon = True
+    guard.start()
+    try:
+        yield
+    finally:
+        guard.cancel()
+
+
+def _give_up(limit_s: float) -> None:
+    _log.error("zenoh did not close within %.0f s", limit_s)
+    logging.shutdown()
+    os._exit(75)

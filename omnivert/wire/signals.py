@@ -1,0 +1,32 @@
+"""SIGTERM and SIGINT as one call, for as long as a process wants them so."""
+
+import signal
+import threading
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+
+class Signals:
+    """Calls `stop` at the first SIGTERM or SIGINT that nobody else takes; the next one does what it did before."""
+
+    def __init__(self, stop: Callable[[], None]) -> None:
+        self._stop = stop
+        self._before: dict[int, Any] = {}
+
+    def watch(self) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for number, default in ((signal.SIGTERM, signal.SIG_DFL), (signal.SIGINT, signal.default_int_handler)):
+            if signal.getsignal(number) is default:
+                self._before[number] = signal.signal(number, self._came)
+
+    def release(self) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, before)
+        self._before.clear()
+
+    def _came(self, number: int, frame: FrameType | None) -> None:
+        signal.signal(number, self._before.pop(number, signal.SIG_DFL))
+        # Not here: the main thread may hold one of the locks that stop takes.
+        threading.Thread(target=self._stop, name="stop", daemon=True).start()
