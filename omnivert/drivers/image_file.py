@@ -1,0 +1,86 @@
+"""An image as a frame: JPEG and PNG files pass through as their bytes, everything else as grey or colour pixels."""
+
+import struct
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.messages import Frame, PixelFormat
+
+JPEG_START, JPEG_SCAN, JPEG_END = b"\xff\xd8", 0xDA, b"\xff\xd9"
+PNG_START, PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
+MAX_SIDE_PX = 16384
+
+
+def frame_from_file(data: bytes, stamp_ns: int) -> Frame:
+    """The frame in an image file's bytes.
+
+    raises  ValueError saying what is wrong with them
+    """
+    if not data:
+        raise ValueError("the file is empty")
+    if data.startswith(JPEG_START) and not _jpeg_is_whole(data):
+        raise ValueError("the JPEG ends before its picture does")
+    if data.startswith(PNG_START) and PNG_END not in data:
+        raise ValueError("the PNG ends before its picture does")
+    try:
+        # Stored pixels, not turned by EXIF: the mirror's place in the sensor is what counts.
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError(f"OpenCV refuses it: {error.err}") from error
+    if pixels is None:
+        raise ValueError("OpenCV cannot read it as an image")
+    frame = frame_from_pixels(np.asarray(pixels), stamp_ns)
+    if data.startswith(JPEG_START):
+        return _compressed(frame, PixelFormat.JPEG, data)
+    if data.startswith(PNG_START):
+        return _compressed(frame, PixelFormat.PNG, data)
+    return frame
+
+
+def frame_from_pixels(pixels: NDArray[Any], stamp_ns: int) -> Frame:
+    """Pixels as OpenCV gives them, as a frame.
+
+    pixels  (H, W) or (H, W, 1 | 3 | 4), 8 or 16 bits; colours blue green red, a fourth plane is left out
+    raises  ValueError on any other form
+    """
+    if pixels.dtype == np.uint16:
+        pixels = (pixels // 256).astype(np.uint8)
+    if pixels.dtype != np.uint8:
+        raise ValueError(f"pixels of type {pixels.dtype} instead of 8 or 16 bits")
+    if pixels.ndim == 3 and pixels.shape[2] == 1:
+        pixels = pixels[:, :, 0]
+    if pixels.ndim == 3 and pixels.shape[2] == 4:
+        pixels = pixels[:, :, :3]
+    if pixels.ndim not in (2, 3) or (pixels.ndim == 3 and pixels.shape[2] != 3):
+        raise ValueError(f"an image of shape {pixels.shape} is neither grey nor colour")
+    height, width = pixels.shape[:2]
+    if not (1 <= height <= MAX_SIDE_PX and 1 <= width <= MAX_SIDE_PX):
+        raise ValueError(f"an image of {width} x {height} pixels is beyond the limit of {MAX_SIDE_PX}")
+    form = PixelFormat.GREY8 if pixels.ndim == 2 else PixelFormat.BGR8
+    return Frame(stamp_ns, form, width, height, np.ascontiguousarray(pixels, np.uint8).reshape(-1))
+
+
+def _compressed(frame: Frame, form: PixelFormat, data: bytes) -> Frame:
+    return Frame(frame.stamp_ns, form, frame.width_px, frame.height_px, np.frombuffer(data, np.uint8))
+
+
+def _jpeg_is_whole(data: bytes) -> bool:
+    """Whether the end marker follows the picture. Decoders fill what is missing with grey and only warn.
+
+    The search starts behind the headers, because a thumbnail in there has an end marker of its own.
+    """
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xFF:  # fill byte
+            at += 1
+        elif marker == JPEG_SCAN:
+            return data.find(JPEG_END, at) >= 0
+        elif marker == 0x01 or 0xD0 <= marker <= 0xD7:  # markers without a length
+            at += 2
+        else:
+            at += 2 + int(struct.unpack_from(">H", data, at + 2)[0])
+    return False
