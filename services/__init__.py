@@ -1,0 +1,1 @@
+"""One thin process each: `python -m services.NAME --config FILE`."""

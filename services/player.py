@@ -1,0 +1,283 @@
+"""A recording on the keys of the bridge, in its place: the same messages, marked as a replay."""
+
+import argparse
+import dataclasses
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+from omnivert.config import Config
+from omnivert.errors import DataError
+from omnivert.messages import Bearings, Frame, Message, Playback, Scan, Ticks
+from omnivert.wire.bus import Bus
+from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME, PLAYBACK, SCAN, TICKS, Channel
+from omnivert.wire.recording import Recording
+from services import _start
+from services._credits import Credits
+
+_PROGRESS_S = 0.2
+_POLL_S = 0.05  # how often the services are looked at while the playback waits
+_HURRY_S = 0.1  # a shorter wait is caught up
+_CHANNELS: dict[type[Message], Channel] = {Frame: FRAME, Ticks: TICKS, Scan: SCAN, Bearings: BEARINGS}
+
+
+def run(
+    bus: Bus,
+    config: Config,
+    path: Path,
+    speed: float = 1.0,
+    loop: bool = False,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    wait_for: tuple[str, ...] = (),
+) -> None:
+    """Plays until the end, and until all results of it are in.
+
+    speed     1 is as recorded; 0 is as fast as the results come
+    wait_for  services that must be there first
+    raises    UseError beside a live bridge, DataError without sensor data or without one of `wait_for`
+    """
+    recording = Recording(path)
+    part = _Part(recording, config, from_s, to_s)
+    bus.refuse_beside("bridge", "player")
+    if recording.config(config).rig_digest() != config.rig_digest():
+        bus.note("the recording was made with another rig than the configuration's", "rig")
+    if recording.cut:
+        bus.note(f"the recording is not whole: {recording.cut}", "cut")
+    player = _Player(bus, config)
+    threading.Thread(target=player.follow_results, name="results", daemon=True).start()
+    player.await_services(wait_for)
+    player.play(part.rounds(loop), 0 if loop else part.count(), speed)
+    for reason, times in recording.refused.items():
+        bus.refuse(f"recording: {reason}", times)
+
+
+class _Part:
+    """The sensors' messages between two times of a recording."""
+
+    def __init__(self, recording: Recording, config: Config, from_s: float | None, to_s: float | None) -> None:
+        self._recording = recording
+        self._from_s, self._to_s = from_s, to_s
+        rig = recording.config(config)
+        camera = Frame if FRAME.key(rig) in recording.counts else Bearings
+        self._types: tuple[type[Message], ...] = (camera, Ticks, Scan)
+        self._keys = {_CHANNELS[sensor].key(rig) for sensor in self._types}
+        if not self._keys & set(recording.counts):
+            raise DataError("OV305", f"{recording.path} holds no sensor data", f"only {', '.join(recording.counts)}")
+
+    def count(self) -> int:
+        return self._recording.count(self._keys, self._from_s, self._to_s)
+
+    def rounds(self, loop: bool) -> Iterator[Message]:
+        """The messages in order; in a loop stamps and ticks go on growing from round to round."""
+        later_ns, left, right = 0, 0, 0
+        while True:
+            first_ns, last_ns, frames = -1, 0, 0
+            first: tuple[int, int] | None = None
+            last = (0, 0)
+            for key, message in self._recording.messages(self._types, self._from_s, self._to_s):
+                if key not in self._keys:
+                    continue
+                if first_ns < 0:
+                    first_ns = message.stamp_ns
+                last_ns = message.stamp_ns
+                frames += isinstance(message, Frame | Bearings)
+                if isinstance(message, Ticks):
+                    first, last = first or (message.left, message.right), (message.left, message.right)
+                    message = dataclasses.replace(message, left=message.left + left, right=message.right + right)
+                yield dataclasses.replace(message, stamp_ns=message.stamp_ns + later_ns)
+            if not loop or first_ns < 0:
+                return
+            later_ns += last_ns - first_ns + (last_ns - first_ns) // max(frames - 1, 1)
+            if first is not None:
+                left, right = left + last[0] - first[0], right + last[1] - first[1]
+
+
+class _Player:
+    """The clock, the credits, and the services that the playback is for."""
+
+    def __init__(self, bus: Bus, config: Config) -> None:
+        self._bus = bus
+        self._settings = config.player
+        self._longest_pause_s = config.timeline.max_jump_s
+        self._credits = Credits(config.player.frames_ahead)
+        self._changed = threading.Condition()  # of the credits
+        self._needed: dict[str, frozenset[bytes]] = {}  # service -> its processes as last seen
+        self._away_s: dict[str, float] = {}  # service that is needed and gone -> since when
+        self._heard_s = time.monotonic()  # the last result, or the last reason not to expect one
+        self._results = bus.listen(BEARINGS, ESTIMATE, period_s=0.5)
+        self._told_s = 0.0
+        self._played = 0
+
+    def follow_results(self) -> None:
+        for received in self._results:
+            if received is not None and received.run == self._bus.incarnation:
+                with self._changed:
+                    self._credits.seen(received.message)
+                    self._heard_s = time.monotonic()
+                    self._changed.notify()
+
+    def await_services(self, services: tuple[str, ...]) -> None:
+        for service in services:
+            self._bus.note(f"waits for {service}", "start")
+            wait_s = self._settings.wait_s
+            if not self._bus.await_presence(partial(self._is_here, service), wait_s) and not self._bus.stopped:
+                raise DataError("OV404", f"{service} has not come", f"not within {wait_s:g} s", "omnivert monitor")
+        self._bus.note(None, "start")
+
+    def play(self, messages: Iterator[Message], total: int, speed: float) -> None:
+        clock = _Clock(speed, self._longest_pause_s)
+        for message in messages:
+            if isinstance(message, Frame | Bearings):
+                clock.stood_still(self._await_credit())
+            while not self._bus.stopped and (left_s := clock.until(message.stamp_ns)) > 0.0:
+                self._tell(total)
+                self._bus.wait_stopped(min(left_s, _PROGRESS_S))
+            if self._bus.stopped:
+                return
+            with self._changed:
+                self._credits.played(message)
+            self._bus.publish(_CHANNELS[type(message)], message, replay=True)
+            self._played += 1
+            self._tell(total)
+        self._finish(total)
+
+    def _finish(self, total: int) -> None:
+        """Waits for what is on its way. The end is told when all bearings are in: nothing may come after it."""
+        self._await(lambda: self._credits.complete(self._wants("vision"), calibration=False))
+        done = False
+        while not done and not self._bus.stopped:
+            self._tell(total, finished=True)
+            done = self._await(
+                lambda: self._credits.complete(self._wants("vision"), self._wants("calibration")), _PROGRESS_S
+            )
+
+    # ------------------------------------------------------------------ credits
+
+    def _await_credit(self) -> float:
+        """Waits until the next frame may be played; returns for how long, in s."""
+        began = time.monotonic()
+        self._await(
+            lambda: not self._away_s and self._credits.may_play(self._wants("vision"), self._wants("calibration"))
+        )
+        return time.monotonic() - began
+
+    def _await(self, holds: Callable[[], bool], timeout_s: float = float("inf")) -> bool:
+        """Waits until `holds`, watching the services; whether it does."""
+        began = time.monotonic()
+        while True:
+            self._watch_services()
+            with self._changed:
+                if holds():
+                    return True
+                if self._bus.stopped or time.monotonic() - began > timeout_s:
+                    return False
+                self._changed.wait(_POLL_S)
+
+    def _wants(self, service: str) -> bool:
+        return service in self._needed
+
+    def _is_here(self, service: str) -> bool:
+        return bool(self._bus.incarnations(service))
+
+    def _watch_services(self) -> None:
+        """Whoever was there is waited for when it goes; what it had not answered is lost."""
+        now_s = time.monotonic()
+        for service in ("vision", "calibration"):
+            here = self._bus.incarnations(service)
+            before = self._needed.get(service)
+            if here and before is None:
+                self._needed[service] = here
+            elif here and (service in self._away_s or not here & self._needed[service]):
+                self._needed[service] = here
+                self._away_s.pop(service, None)
+                self._bus.note(None, service)
+                self._give_up(f"{service} was away")
+            elif not here and before is not None:
+                self._wait_for_comeback(service, now_s)
+        if not self._away_s and now_s - self._heard_s > self._settings.patience_s:
+            self._give_up(f"no result for {self._settings.patience_s:g} s")
+
+    def _wait_for_comeback(self, service: str, now_s: float) -> None:
+        if now_s - self._away_s.setdefault(service, now_s) <= self._settings.comeback_s:
+            self._bus.note(f"waits for {service} to come back", service)
+            return
+        self._give_up(f"{service} has not come back")
+        del self._needed[service], self._away_s[service]
+        self._bus.note(f"goes on without {service}, which has not come back", service)
+
+    def _give_up(self, why: str) -> None:
+        with self._changed:
+            lost = self._credits.give_up(self._wants("vision"), self._wants("calibration"))
+            self._heard_s = time.monotonic()
+        if lost:
+            self._bus.refuse(f"frames without a result: {why}", lost)
+
+    def _tell(self, total: int, finished: bool = False) -> None:
+        now_s = time.monotonic()
+        if finished or now_s - self._told_s >= _PROGRESS_S:
+            self._told_s = now_s
+            credits = self._credits
+            stamp_ns = max(credits.frame_ns, credits.ticks_ns)
+            told = Playback(stamp_ns, self._played, total, finished, credits.frame_ns, credits.ticks_ns, credits.lost)
+            self._bus.publish(PLAYBACK, told, replay=True)
+
+
+class _Clock:
+    """When each message is due, counted from the first one."""
+
+    def __init__(self, speed: float, longest_pause_s: float) -> None:
+        self._speed = speed
+        self._longest_pause_s = longest_pause_s
+        self._zero_s = time.monotonic()  # when stamp 0 would be due, less what it is at the first message
+        self._last_ns: int | None = None
+        self._at_s = 0.0  # the last message's time in the playback
+
+    def until(self, stamp_ns: int) -> float:
+        """How long to wait until this message is due; s."""
+        if self._speed == 0.0:
+            return 0.0
+        if stamp_ns != self._last_ns:
+            pause_s = (stamp_ns - self._last_ns) * 1e-9 if self._last_ns is not None else 0.0
+            self._at_s += min(pause_s, self._longest_pause_s) / self._speed
+            self._last_ns = stamp_ns
+        return self._zero_s + self._at_s - time.monotonic()
+
+    def stood_still(self, duration_s: float) -> None:
+        """The playback waited for its results; it does not hurry afterwards."""
+        if duration_s > _HURRY_S:
+            self._zero_s += duration_s
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--recording", type=Path, required=True)
+    parser.add_argument(
+        "--speed", type=_speed, default=1.0, help="1 is as recorded, 0 or full: as fast as results come"
+    )
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--from", dest="from_s", type=float, help="second to begin at")
+    parser.add_argument("--to", dest="to_s", type=float, help="second to end at")
+    parser.add_argument("--wait-for", default="", help="services that must be there first, separated by commas")
+
+
+def _speed(text: str) -> float:
+    speed = 0.0 if text == "full" else float(text)
+    if not 0.0 <= speed < float("inf"):
+        raise argparse.ArgumentTypeError("a speed is 0 or more")
+    return speed
+
+
+def _run(bus: Bus, config: Config, given: argparse.Namespace) -> None:
+    wait_for = tuple(name for name in given.wait_for.split(",") if name)
+    run(bus, config, given.recording, given.speed, given.loop, given.from_s, given.to_s, wait_for)
+
+
+def main() -> int:
+    return _start.start("player", _run, _arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

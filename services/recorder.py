@@ -1,0 +1,60 @@
+"""Everything on the robot's bus into a recording, sensors and results; what is written survives a `kill -9`."""
+
+import argparse
+import logging
+import sys
+import time
+from pathlib import Path
+
+from omnivert.config import Config
+from omnivert.errors import DataError
+from omnivert.wire.bus import Bus
+from omnivert.wire.channels import CHANNELS
+from omnivert.wire.recording import RecordingWriter
+from services import _start
+
+_log = logging.getLogger("omnivert.recorder")
+_CHUNK_S = 1.0
+
+
+def run(bus: Bus, config: Config, path: Path) -> None:
+    """Records until the bus stops.
+
+    raises  DataError when the file cannot be written any further; what was written before is good
+    """
+    try:
+        with RecordingWriter(path, config) as writer:
+            closed_s = time.monotonic()
+            for received in bus.listen(*CHANNELS, period_s=_CHUNK_S):
+                if received is not None:
+                    writer.write(received.key, received.message)
+                    bus.done(received)
+                if time.monotonic() - closed_s >= _CHUNK_S:
+                    writer.flush()
+                    closed_s = time.monotonic()
+        _log.info("saved %s: %d messages", path, sum(writer.counts.values()))
+    except OSError as error:
+        raise DataError(
+            "OV304",
+            f"{path} cannot be written any further" if path.exists() else f"cannot write {path}",
+            f"{error.strerror or error}; what was recorded before is good",
+            "free some space, or name another disk",
+        ) from error
+
+
+def unused(path: Path) -> Path:
+    """`path`, or the same with a number when there is such a file: a recorder that comes back overwrites nothing."""
+    numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(2, 10_000))
+    return path if not path.exists() else next(name for name in numbered if not name.exists())
+
+
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", type=Path, required=True)
+
+
+def main() -> int:
+    return _start.start("recorder", lambda bus, config, given: run(bus, config, unused(given.output)), _arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

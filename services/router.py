@@ -1,0 +1,48 @@
+"""The router: where all services of a robot meet, so that nothing else need be installed."""
+
+import logging
+import re
+import sys
+import threading
+
+from omnivert.errors import OmnivertError
+from omnivert.wire.bus import Router
+from omnivert.wire.signals import Signals
+from services import _start
+
+_log = logging.getLogger("omnivert.router")
+
+
+def main() -> int:
+    arguments, config = _start.arguments_and_config("router")
+    stopped = threading.Event()
+    Signals(stopped.set).watch()
+    if arguments.supervised:
+        _start.stop_with_stdin(stopped.set)
+    try:
+        with Router(config) as router:
+            for endpoint in router.endpoints:
+                _log.info("listening on %s", endpoint)
+                if not is_local(endpoint):
+                    _log.warning(
+                        "%s is open to the network: whoever reaches it can read and publish on every robot of this "
+                        "router, without a password and in clear text",
+                        endpoint,
+                    )
+            stopped.wait()
+    except OmnivertError as error:
+        return _start.refusal("router", error)
+    return 0
+
+
+def is_local(endpoint: str) -> bool:
+    """Whether only processes of this machine can reach an end point."""
+    protocol, _, address = endpoint.partition("/")
+    if protocol == "unixsock-stream":
+        return True
+    host = address.partition("?")[0].partition("#")[0].rpartition(":")[0].strip("[]")
+    return host == "localhost" or host == "::1" or re.fullmatch(r"127(\.\d{1,3}){3}", host) is not None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""Frames in, tracked bearings out."""
+
+import argparse
+import sys
+
+from omnivert.config import Config
+from omnivert.messages import Frame
+from omnivert.vision.frontend import FrontEnd
+from omnivert.wire.bus import Bus
+from omnivert.wire.channels import BEARINGS, FRAME
+from omnivert.wire.sources import Admission, Sources
+from services import _start
+
+
+def run(bus: Bus, config: Config, arguments: argparse.Namespace | None = None) -> None:
+    front_end = FrontEnd(config)
+    sources = Sources(bus.alive)
+    for received in bus.listen(FRAME):
+        if received is None or not isinstance(received.message, Frame):
+            continue
+        match sources.admission(received):
+            case Admission.REFUSED:
+                bus.refuse(f"{received.key}: from another source than the one that is heard")
+                continue
+            case Admission.FRESH:
+                front_end = FrontEnd(config)
+        bus.publish(BEARINGS, front_end.step(received.message), cause=received)
+        bus.done(received)
+
+
+def main() -> int:
+    return _start.start("vision", run)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
