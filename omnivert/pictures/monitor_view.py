@@ -1,0 +1,224 @@
+"""One screen that says how the calibration stands, what to drive next, and which service is unwell."""
+
+import math
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.rule import Rule
+from rich.table import Table
+from rich.text import Text
+
+from omnivert.config import Config
+from omnivert.messages import (
+    Bearings,
+    Estimate,
+    Extrinsics,
+    Message,
+    Mount,
+    ParameterVerdict,
+    State,
+)
+from omnivert.pictures.monitor_services import Services
+from omnivert.pictures.words import Quantity, colour, quantities, word
+
+BARS = "▁▂▃▄▅▆▇█"
+HISTORY_S = 60.0
+COLUMNS = 20  # of a sparkline
+VERDICT_COLUMNS = 38
+
+
+class View:
+    """What has been heard, and how it looks; asks neither clock nor bus."""
+
+    def __init__(self, config: Config, where: str) -> None:
+        self._config = config
+        self._where = where
+        self._period_s = 1.0 / config.camera.frame_rate_hz
+        self._estimate: tuple[float, Estimate] | None = None  # when it came, what
+        self._stored: tuple[float, Extrinsics] | None = None
+        self._services = Services(config)
+        self._sigmas: deque[tuple[float, tuple[float, float, float]]] = deque()
+        self._seen: deque[tuple[float, np.ndarray]] = deque(maxlen=64)
+
+    def step(self, message: Message, now_s: float) -> None:
+        """Take one message that came at this time."""
+        self._services.step(message, now_s)
+        while self._sigmas and now_s - self._sigmas[0][0] > HISTORY_S:
+            self._sigmas.popleft()
+        match message:
+            case Estimate():
+                self._estimate = (now_s, message)
+                if message.mount is not None:
+                    phi, rho, psi = quantities(message.mount)
+                    self._sigmas.append((now_s, (phi.sigma, rho.sigma, psi.sigma)))
+            case Bearings():
+                self._seen.append((now_s, message.bearing_rad))
+            case Extrinsics():
+                self._stored = (now_s, message)
+            case _:
+                pass
+
+    def present(self, services: frozenset[tuple[str, str]]) -> None:
+        """Which services are there now, as (service, instance)."""
+        self._services.present = services
+
+    def line(self, now_s: float) -> str:
+        """The whole state in one line, for a pipe."""
+        if self._estimate is None:
+            stored = "" if self._stored is None else f" stored {_numbers(self._stored[1].mount, '±')}"
+            return f"{now_s:.1f}s {State.WAITING.value}{stored} {self._missing()}"
+        age, estimate = now_s - self._estimate[0], self._estimate[1]
+        numbers = "" if estimate.mount is None else f" {_numbers(estimate.mount, '±')}"
+        stale = f" stale={age:.1f}s" if self._stale(age) else ""
+        following = f' next="{estimate.next_manoeuvre}"' if estimate.next_manoeuvre else ""
+        return f"{1e-9 * estimate.stamp_ns:.1f}s {estimate.state.value}{numbers}{stale}{following}"
+
+    def screen(self, now_s: float) -> RenderableType:
+        """The whole screen, 100 columns."""
+        return Group(
+            self._header(now_s),
+            Rule(style="dim", characters="─"),
+            self._next(),
+            Text(""),
+            self._numbers(now_s),
+            self._drive(),
+            Text(""),
+            self._lines(),
+            Text(""),
+            self._services.table(now_s),
+            Text(""),
+            self._footer(),
+        )
+
+    def _stale(self, age_s: float) -> bool:
+        return age_s > max(3.0 * self._period_s, 1.0)
+
+    def _header(self, now_s: float) -> RenderableType:
+        state = State.WAITING if self._estimate is None else self._estimate[1].state
+        row = Table.grid(expand=True)
+        row.add_column(ratio=1)
+        row.add_column(justify="center")
+        row.add_column(ratio=1, justify="right")
+        name = Text.assemble((" omnivert", "bold"), f"  robot {self._config.robot.id}")
+        row.add_row(name, Text(f" {word(state).upper()} ", style=f"bold white on {colour(state)}"), self._age(now_s))
+        return row
+
+    def _age(self, now_s: float) -> Text:
+        if self._estimate is None:
+            return Text("nothing yet ", style="dim")
+        age = now_s - self._estimate[0]
+        if age > max(10.0 * self._period_s, 3.0):
+            return Text(f"SILENT  last frame {age:.0f} s ago ", style="bold red")
+        if self._stale(age):
+            return Text(f"late  {age:.1f} s old ", style="yellow")
+        kind = "playing" if self._services.is_playing else "live"
+        return Text(f"{kind}  {age:.2f} s old ", style="green")
+
+    def _next(self) -> RenderableType:
+        if self._estimate is None:
+            return Text.assemble((" NEXT  ", "bold"), self._missing())
+        estimate = self._estimate[1]
+        calm = "nothing is missing" if estimate.state is State.CALIBRATED else "drive on"
+        lines = [Text.assemble((" NEXT  ", "bold"), (estimate.next_manoeuvre or calm, "bold"))]
+        long = [part.reason for part in _parts(estimate) if len(_in_words(part)) > VERDICT_COLUMNS]
+        for reason in list(dict.fromkeys([*estimate.reasons, *long]))[:2]:
+            shown = reason[:1].upper() + reason[1:]
+            lines.append(Text(f"       {shown}", style="dim", no_wrap=True, overflow="ellipsis"))
+        return Group(*lines)
+
+    def _missing(self) -> str:
+        """What has to come before anything can be said."""
+        there = {service for service, _ in self._services.present}
+        if not there:
+            return "no service answers; start them with: omnivert up"
+        source = "no camera or player yet" if not there & {"bridge", "player"} else "no frame yet"
+        lacking = [name for name in ("vision", "calibration") if name not in there]
+        return f"{' and '.join(lacking)} not running" if lacking else source
+
+    def _numbers(self, now_s: float) -> RenderableType:
+        table = Table(box=None, padding=(0, 2, 0, 1), header_style="dim", expand=False)
+        for heading, justify, width in (("", "left", 4), ("estimate", "right", 12), ("1 sigma", "right", 9)):
+            table.add_column(heading, justify=justify, min_width=width)  # type: ignore[arg-type]
+        table.add_column("verdict", width=VERDICT_COLUMNS)
+        table.add_column("last 60 s, sigma", width=COLUMNS)
+        estimate = None if self._estimate is None else self._estimate[1]
+        stale = self._estimate is not None and self._stale(now_s - self._estimate[0])
+        mount = None if estimate is None else estimate.mount
+        parts: Iterable[Quantity | None] = (None, None, None) if mount is None else quantities(mount)
+        verdicts = (ParameterVerdict(State.WAITING),) * 3 if estimate is None else _parts(estimate)
+        for index, (part, verdict) in enumerate(zip(parts, verdicts, strict=True)):
+            value = "–" if part is None else f"{part.value_text} {part.unit}"
+            sigma = "–" if part is None else part.sigma_text
+            words = _in_words(verdict)
+            words = words if len(words) <= VERDICT_COLUMNS else word(verdict.state)  # the reason stands above
+            table.add_row(
+                ("phi", "rho", "psi")[index],
+                Text(value, style="dim" if stale else "bold"),
+                Text(sigma, style="dim" if stale else ""),
+                Text(words, style=colour(verdict.state)),
+                Text(self._spark(index, now_s), style="dim"),
+            )
+        return table
+
+    def _spark(self, index: int, now_s: float) -> str:
+        """The last minute's sigma, by its logarithm, newest at the right."""
+        slots: list[float | None] = [None] * COLUMNS
+        for came_s, sigmas in self._sigmas:
+            slot = COLUMNS - 1 - int((now_s - came_s) / HISTORY_S * COLUMNS)
+            if 0 <= slot < COLUMNS and sigmas[index] > 0:
+                slots[slot] = math.log(sigmas[index])
+        known = [slot for slot in slots if slot is not None]
+        if not known:
+            return ""
+        low, span = min(known), max(max(known) - min(known), 0.7)
+        return "".join(
+            " " if slot is None else BARS[min(int((slot - low) / span * len(BARS)), len(BARS) - 1)] for slot in slots
+        )
+
+    def _drive(self) -> RenderableType:
+        if self._estimate is None:
+            return Text("")
+        estimate = self._estimate[1]
+        text = f" drive so far: {estimate.driven_m:.1f} m, {math.degrees(estimate.turned_rad):.0f} deg turned"
+        return Text(f"{text}, {estimate.frame} frames", style="dim")
+
+    def _lines(self) -> RenderableType:
+        if self._estimate is None:
+            return Text(" lines    –", style="dim")
+        e = self._estimate[1]
+        text = f" lines    {e.lines_used} used   {e.lines_new} new   {e.lines_rejected} rejected"
+        return Text(f"{text:<42}by direction  {self._directions()}")
+
+    def _directions(self) -> str:
+        """How many lines were seen lately in each sixteenth, counter-clockwise from ahead of the camera."""
+        bearings = [bearing for _, bearing in self._seen]
+        if not bearings or not sum(len(b) for b in bearings):
+            return "–"
+        turn = np.mod(np.concatenate(bearings) + math.pi / 16, math.tau) / math.tau
+        counts = np.bincount((turn * 16).astype(int) % 16, minlength=16)
+        bars = [BARS[min(int(8 * count / counts.max()), 7)] if count else " " for count in counts]
+        return "  ".join(
+            f"{name} {''.join(bars[i : i + 4])}" for name, i in (("ahead", 0), ("left", 4), ("back", 8), ("right", 12))
+        )
+
+    def _footer(self) -> RenderableType:
+        stored = "nothing stored yet"
+        if self._stored is not None:
+            extrinsics = self._stored[1]
+            stored = f"stored: {_numbers(extrinsics.mount, ' ± ')}  {word(extrinsics.state)}"
+        shown = Text(f" {stored}", style="dim", no_wrap=True, overflow="ellipsis")
+        return Group(shown, Text(f" {self._where}   ctrl-c quits", style="dim", justify="right"))
+
+
+def _parts(estimate: Estimate) -> tuple[ParameterVerdict, ParameterVerdict, ParameterVerdict]:
+    return estimate.phi, estimate.rho, estimate.psi
+
+
+def _in_words(verdict: ParameterVerdict) -> str:
+    return f"{word(verdict.state)}: {verdict.reason}" if verdict.reason else word(verdict.state)
+
+
+def _numbers(mount: Mount, sign: str) -> str:
+    return "  ".join(f"{q.name} {q.value_text}{sign}{q.sigma_text}{q.unit}" for q in quantities(mount))

@@ -1,0 +1,96 @@
+"""Numbers with their sigma and states in words: the same in terminal, picture and file."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from omnivert.messages import Mount, State
+
+PARAMETERS = ("phi", "rho", "psi")  # the order of a mount's covariance
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One parameter of the mount, in the unit that people read."""
+
+    name: str
+    value: float
+    sigma: float
+    unit: str  # "deg" or "m"
+
+    @property
+    def decimals(self) -> int:
+        """Digits after the point: two digits of sigma."""
+        return decimals_of(self.sigma)
+
+    @property
+    def value_text(self) -> str:
+        return f"{self.value:.{self.decimals}f}"
+
+    @property
+    def sigma_text(self) -> str:
+        return f"{self.sigma:.{self.decimals}f}"
+
+    def __str__(self) -> str:
+        return f"{self.value_text} ± {self.sigma_text} {self.unit}"
+
+
+def decimals_of(sigma: float) -> int:
+    """Digits after the point that show two digits of sigma; 0 to 6."""
+    if not (math.isfinite(sigma) and sigma > 0.0):
+        return 4
+    # 0.0996 rounds to 0.100, so the exponent is that of the rounded number.
+    exponent = int(f"{sigma:.1e}".partition("e")[2])
+    return min(max(1 - exponent, 0), 6)
+
+
+def quantities(mount: Mount) -> tuple[Quantity, Quantity, Quantity]:
+    """phi and psi in degrees, rho in metres, each with its sigma."""
+    phi, rho, psi = np.sqrt(np.maximum(np.diag(mount.covariance), 0.0))
+    return (
+        Quantity("phi", math.degrees(mount.phi_rad), math.degrees(phi), "deg"),
+        Quantity("rho", mount.rho_m, float(rho), "m"),
+        Quantity("psi", math.degrees(mount.psi_rad), math.degrees(psi), "deg"),
+    )
+
+
+def heading(mount: Mount) -> Quantity:
+    """phi + psi, the camera's heading: often known long before its parts."""
+    c = mount.covariance
+    variance = max(float(c[0, 0] + c[2, 2] + 2.0 * c[0, 2]), 0.0)
+    total = math.degrees(math.remainder(mount.phi_rad + mount.psi_rad, math.tau))
+    return Quantity("phi + psi", total, math.degrees(math.sqrt(variance)), "deg")
+
+
+def word(state: State) -> str:
+    """The state as people read it."""
+    return state.value.replace("_", " ")
+
+
+def mark(state: State) -> str:
+    """One character that carries the state without colour."""
+    match state:
+        case State.CALIBRATED:
+            return "✓"
+        case State.USABLE | State.NOT_YET:
+            return "!"
+        case State.MOVED | State.INVALID:
+            return "✗"
+        case State.WAITING:
+            return "–"
+
+
+def colour(state: State) -> str:
+    """A colour that repeats the state, readable on light and on dark; #rrggbb."""
+    match state:
+        case State.CALIBRATED:
+            return "#2e8b57"
+        case State.USABLE:
+            return "#3d7ebd"
+        case State.NOT_YET:
+            return "#b8790b"
+        case State.MOVED | State.INVALID:
+            return "#c0392b"
+        case State.WAITING:
+            return "#808080"
