@@ -1,0 +1,105 @@
+"""All commands under one name, and what happens when one of them refuses."""
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+import omnivert
+from omnivert.cli import (
+    bench,
+    calibrate,
+    demo,
+    explain,
+    extrinsics,
+    import_,
+    monitor,
+    play,
+    record,
+    say,
+    show_config,
+    track,
+    up,
+)
+from omnivert.errors import OmnivertError, UseError
+
+app = typer.Typer(
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+app.command("demo")(demo.demo)
+app.command("up")(up.up)
+app.command("monitor")(monitor.monitor)
+app.command("record")(record.record)
+app.command("play")(play.play)
+app.add_typer(import_.app, name="import")
+app.command("calibrate")(calibrate.calibrate)
+app.command("track")(track.track)
+app.add_typer(extrinsics.app, name="extrinsics")
+app.add_typer(bench.app, name="bench")
+app.command("config")(show_config.config)
+app.command("explain")(explain.explain)
+
+WRONG_USE: type[Exception] = typer.BadParameter.__bases__[0]  # every error of the command line itself
+
+
+@app.callback(invoke_without_command=True)
+def root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
+) -> None:
+    """Where does the camera really sit on the robot, and how sure is that?
+
+    Begin with: omnivert demo
+    """
+    if version:
+        say.result(f"omnivert {omnivert.__version__}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        say.result(context.get_help())
+
+
+def main() -> None:
+    """The console script."""
+    say.speak_plainly_where_needed()
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line; returns its exit code: 0 done, 1 the data do not allow it, 2 wrong use."""
+    try:
+        code = app(args=list(arguments), prog_name="omnivert", standalone_mode=False)
+    except OmnivertError as error:
+        return _refused(error, arguments)
+    except WRONG_USE as error:
+        return _refused(_use_error(error), arguments)
+    except (KeyboardInterrupt, typer.Abort):
+        return 130
+    return code if isinstance(code, int) else 0
+
+
+def _refused(error: OmnivertError, arguments: Sequence[str]) -> int:
+    if "--json" in arguments:
+        say.json_result({"error": say.refusal_json(error)})
+    say.refuse(error)
+    return error.exit_code
+
+
+def _use_error(error: Exception) -> UseError:
+    """An error of the command line in the form of all others, with the nearest right word."""
+    words = getattr(error, "possibilities", None)
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "omnivert"
+    if words:
+        option = getattr(error, "option_name", "")
+        return UseError("OV205", f"{command}: no option {option}", help=f"did you mean {' or '.join(words)}?")
+    text = str(error.format_message() if hasattr(error, "format_message") else error).strip().rstrip(".")
+    what, _, hint = text.partition(". Did you mean ")
+    what = what[0].lower() + what[1:]
+    if hint:
+        near = hint.rstrip("?").replace("'", "")
+        return UseError("OV205", f"{command}: {what}", help=f"did you mean {near}?")
+    return UseError("OV205", f"{command}: {what}", help=f"{command} --help")

@@ -1,0 +1,101 @@
+"""`omnivert bench pipeline`: how fast it is here, beside a yardstick in the same run."""
+
+import platform
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from omnivert.cli import results, say
+from omnivert.cli.given import count
+from omnivert.cli.settings import PACKAGED, ConfigOption, JsonOption, ModeOption, opened, settings, title, with_mode
+from omnivert.errors import DataError
+from omnivert.wire.channels import FRAME
+
+if TYPE_CHECKING:
+    from omnivert.bench.latency import Latency
+    from omnivert.bench.pipeline import PipelineTimes
+
+app = typer.Typer(help="Measure speed.")
+
+
+@app.callback()
+def root() -> None:
+    """Measure speed."""
+
+
+@app.command("pipeline")
+def pipeline(
+    recording: Annotated[str, typer.Argument(metavar="[REC]", help="An .mcap file, or the word corridor.")] = PACKAGED,
+    config: ConfigOption = None,
+    mode: ModeOption = None,
+    bus: Annotated[bool, typer.Option("--bus/--no-bus", help="Measure latency over the bus, too.")] = True,
+    rounds: Annotated[int, typer.Option(min=5, max=10000, help="Frames for the latency.")] = 100,
+    as_json: JsonOption = False,
+) -> None:
+    """Milliseconds of every stage from frame to estimate, and latency over the bus."""
+    from omnivert.bench.pipeline import pipeline_times
+    from services._start import prepare
+
+    prepare()
+    source = opened(recording)
+    frames = count(source, FRAME)
+    if not frames:
+        raise DataError("OV101", f"there are no frames in {title(recording)}", help="omnivert bench pipeline corridor")
+    rounds = min(rounds, frames)
+    chosen = source.config(with_mode(settings(config), mode))
+    with say.progress("stages", frames) as bar:
+        times = pipeline_times(source, chosen, bar.step)
+    over_bus = None
+    if bus:
+        from omnivert.bench.latency import latency
+
+        with say.progress("latency", rounds) as bar:
+            over_bus = latency(source, chosen, rounds, bar.step)
+    if as_json:
+        say.json_result(_json(title(recording), times, over_bus))
+    else:
+        _tell(times, over_bus)
+
+
+def _json(name: str, times: "PipelineTimes", over_bus: "Latency | None") -> dict[str, Any]:
+    yard = times.sobel_pair
+    body: dict[str, Any] = {
+        "recording": name,
+        "machine": f"{platform.machine()} {platform.system()}, Python {platform.python_version()}",
+        "sobel_pair": yard.json(),
+        "stages": {stage: spread.json(yard) for stage, spread in times.stages.items()},
+        "vision_step": times.vision.json(yard),
+        "calibration_step": times.calibration.json(yard),
+        "filter_step": None if times.filter is None else times.filter.json(yard),
+    }
+    if over_bus is not None:
+        body["frame_to_bearings"] = _latency_json(over_bus.frame_to_bearings)
+        body["raw_zenoh_round"] = _latency_json(over_bus.raw_round)
+        body["frame_bytes"] = over_bus.frame_bytes
+    return body
+
+
+def _latency_json(spread: Any) -> dict[str, Any]:
+    return {"p50_ms": spread.median_ms, "p99_ms": spread.p99_ms, "count": spread.count}
+
+
+def _tell(times: "PipelineTimes", over_bus: "Latency | None") -> None:
+    yard = times.sobel_pair
+    table = [("step", "median ms", "p99 ms", "x Sobel pair", "")]
+    rows = [("sobel pair", yard), *times.stages.items(), ("vision, whole", times.vision)]
+    rows.append(("calibration, whole", times.calibration))
+    if times.filter is not None:
+        rows.append(("filter alone", times.filter))
+    for name, spread in rows:
+        ratio = f"{spread.median_ms / yard.median_ms:.1f}"
+        table.append((name, f"{spread.median_ms:.2f}", f"{spread.p99_ms:.2f}", ratio, ""))
+    for row in results.aligned(table):
+        say.result(row)
+    if over_bus is None:
+        return
+    say.result("")
+    latencies = [("over the bus", "p50 ms", "p99 ms", "")]
+    for name, spread in (("frame to bearings", over_bus.frame_to_bearings), ("raw zenoh round", over_bus.raw_round)):
+        latencies.append((name, f"{spread.median_ms:.2f}", f"{spread.p99_ms:.2f}", ""))
+    for row in results.aligned(latencies):
+        say.result(row)

@@ -1,0 +1,153 @@
+"""What the demo hears on the bus while the recording is played, and the lines that it tells of it."""
+
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from omnivert.errors import DataError
+from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Mount, Playback, Receipt, State
+from omnivert.pictures.words import colour, quantities, word
+
+if TYPE_CHECKING:
+    from omnivert.cli.troubles import Troubles
+    from omnivert.wire.bus import Bus
+
+SILENCE_S = 20.0  # nothing at all for so long: something is wrong
+ROWS = 10  # of the table of estimates
+SETTLE_S = 3.0  # after the last message played, for results that are still on their way
+
+
+@dataclass(slots=True)
+class Heard:
+    """Everything that came, in order."""
+
+    total_frames: int
+    end_ns: int  # of the last frame
+    estimates: list[Estimate] = field(default_factory=list)
+    last_bearings: Bearings | None = None
+    claimed: Extrinsics | None = None
+    receipt: Receipt | None = None
+    played: Playback | None = None
+
+    def step(self, message: Message) -> None:
+        match message:
+            case Estimate():
+                self.estimates.append(message)
+            case Bearings():
+                self.last_bearings = message
+            case Extrinsics():
+                self.claimed = message
+            case Receipt():
+                self.receipt = message
+            case Playback():
+                self.played = message
+            case _:
+                pass
+
+    @property
+    def complete(self) -> bool:
+        """Whether the last frame's estimate is here and what was claimed is stored."""
+        if not self.estimates or self.estimates[-1].stamp_ns < self.end_ns:
+            return False
+        if not self.finished or self.claimed is None:
+            return self.finished
+        return self.receipt is not None and self.receipt.stamp_ns >= self.claimed.stamp_ns
+
+    @property
+    def finished(self) -> bool:
+        return self.played is not None and self.played.finished
+
+
+def watched(bus: "Bus", heard: Heard, console: Console, start_ns: int, troubles: "Troubles") -> None:
+    """Listen until the last estimate has come and its result is stored; tell it on the way.
+
+    raises  DataError when the services fall silent
+    """
+    from omnivert.wire.channels import BEARINGS, ESTIMATE, EXTRINSICS, PLAYBACK, RECEIPT
+
+    columns = (
+        TextColumn("  [cyan]▶ {task.description}[/]"),
+        BarColumn(bar_width=30),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[now]}"),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("playing", total=heard.total_frames, now="")
+        rows = Rows(bar.console, heard.total_frames, start_ns)
+        last = time.monotonic()
+        for received in bus.listen(ESTIMATE, BEARINGS, EXTRINSICS, RECEIPT, PLAYBACK, period_s=0.2):
+            now = time.monotonic()
+            troubles.check()
+            if received is None:
+                if heard.complete or (heard.finished and now - last > SETTLE_S):
+                    break  # nothing has come for a while, so nothing is on its way
+                if now - last > SILENCE_S:
+                    raise DataError(
+                        "OV420", "the services fell silent", f"no message for {SILENCE_S:.0f} s", "omnivert demo"
+                    )
+                continue
+            last = now
+            heard.step(received.message)
+            if isinstance(received.message, Estimate):
+                _shown(bar, task, heard)
+                rows.step(received.message)
+        rows.close(heard.estimates)
+    if bus.stopped:
+        raise KeyboardInterrupt
+
+
+def _shown(bar: Progress, task: TaskID, heard: Heard) -> None:
+    newest = heard.estimates[-1]
+    now = _in_words(newest.mount) if newest.mount is not None else word(newest.state)
+    bar.update(task, completed=len(heard.estimates), now=now)
+
+
+def _in_words(mount: Mount) -> str:
+    return "  ".join(str(part) for part in quantities(mount))
+
+
+class Rows:
+    """The table of estimates: a row now and then, and one at each change of the verdict."""
+
+    def __init__(self, console: Console, total: int, start_ns: int) -> None:
+        self._console = console
+        self._every = max(total // ROWS, 1)
+        self._start_ns = start_ns
+        self._state: State | None = None
+        self._count = 0
+        self._told = -1
+        console.print()
+        console.print(f"  {'t':>6}    {'phi':<16}{'rho':<19}{'psi':<16}verdict", style="dim")
+
+    def step(self, estimate: Estimate) -> None:
+        """One more estimate."""
+        self._count += 1
+        if self._count % self._every == 0 or estimate.state is not self._state:
+            self._row(estimate)
+
+    def close(self, estimates: list[Estimate]) -> None:
+        """The last one is told in any case."""
+        if estimates and self._told != self._count:
+            self._row(estimates[-1])
+        self._console.print()
+
+    def _row(self, estimate: Estimate) -> None:
+        self._told, self._state = self._count, estimate.state
+        seconds = 1e-9 * (estimate.stamp_ns - self._start_ns)
+        cells = ["–", "–", "–"]
+        if estimate.mount is not None:
+            phi, rho, psi = quantities(estimate.mount)
+            cells = [f"{q.value_text:>6} ± {q.sigma_text}" for q in (phi, rho, psi)]
+        verdict = f"[{colour(estimate.state)}]{word(estimate.state)}[/]"
+        hint = estimate.next_manoeuvre if estimate.state is not State.CALIBRATED else ""
+        tail = f"{verdict}: {escape(hint)}" if hint else verdict
+        row = f"  {seconds:5.1f} s  {cells[0]:<16}  {cells[1]:<17}  {cells[2]:<14}  {tail}"
+        if self._console.is_terminal:
+            self._console.print(row, no_wrap=True, overflow="ellipsis", soft_wrap=False)
+        else:
+            self._console.print(row)

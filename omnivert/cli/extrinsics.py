@@ -1,0 +1,151 @@
+"""`omnivert extrinsics`: what the store holds, its history, and the forms that other software reads."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omnivert.cli import results, say
+from omnivert.cli.settings import ConfigOption, JsonOption, RobotOption, settings
+from omnivert.errors import DataError
+from omnivert.formats.extrinsics_export import Form, body, exported, robot_from_camera
+from omnivert.pictures.words import quantities, word
+
+if TYPE_CHECKING:
+    from omnivert.store import Entry, Store
+
+app = typer.Typer(help="What the store holds.")
+StoreOption = Annotated[Path | None, typer.Option("--store", help="The SQLite file; else the configuration's.")]
+CameraOption = Annotated[str | None, typer.Option("--camera", help="Camera to look at; else the configuration's.")]
+EntryOption = Annotated[int | None, typer.Option("--entry", help="Number of the entry; else the latest.")]
+
+
+@app.callback()
+def root() -> None:
+    """What the store holds: list, show, history, export."""
+
+
+@app.command("list")
+def list_all(config: ConfigOption = None, store: StoreOption = None, as_json: JsonOption = False) -> None:
+    """The latest extrinsics of every robot and camera."""
+    with _opened(config, store) as opened:
+        entries = opened.newest()
+    _table(entries, as_json)
+
+
+@app.command("history")
+def history(
+    config: ConfigOption = None,
+    robot: RobotOption = None,
+    camera: CameraOption = None,
+    store: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Every value that was stored for a camera, newest first."""
+    chosen = settings(config, robot)
+    with _opened(config, store) as opened:
+        entries = opened.history(chosen.robot.id, camera or chosen.camera.id)
+    _table(entries, as_json)
+
+
+@app.command("show")
+def show(
+    config: ConfigOption = None,
+    robot: RobotOption = None,
+    camera: CameraOption = None,
+    entry: EntryOption = None,
+    store: StoreOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """One stored mount with all that belongs to it."""
+    found = _found(config, robot, camera, entry, store)
+    if as_json:
+        say.json_result(body(found))
+        return
+    extrinsics = found.extrinsics
+    x, y, yaw = robot_from_camera(extrinsics.mount)
+    say.result(f"#{found.entry}  robot {extrinsics.robot}, camera {extrinsics.camera}  {word(extrinsics.state)}")
+    for part in quantities(extrinsics.mount):
+        say.result(f"  {part.name:<5} {part}")
+    if text := results.together(extrinsics.mount):
+        say.result(f"  phi + psi = {text}")
+    say.result(f"  camera at x {x:.4f} m, y {y:.4f} m, heading {yaw:.5f} rad in the robot's frame")
+    say.result(f"  from {extrinsics.frames} frames, saved {found.saved_at} by {extrinsics.software}")
+    say.result(f"  for the rig {extrinsics.rig_digest}")
+    for reason in extrinsics.reasons:
+        say.result(f"  {reason}")
+
+
+@app.command("export")
+def export(
+    form: Annotated[Form, typer.Option("--format", "-f", help="json, yaml, urdf joint, or ros2 command line.")],
+    config: ConfigOption = None,
+    robot: RobotOption = None,
+    camera: CameraOption = None,
+    entry: EntryOption = None,
+    store: StoreOption = None,
+    parent: Annotated[str, typer.Option("--parent", help="Name of the robot's frame (urdf, ros2).")] = "base_link",
+    z_m: Annotated[float, typer.Option("--z-m", help="Height of the camera; it is not estimated.")] = 0.0,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; else stdout.")] = None,
+) -> None:
+    """A stored mount as JSON, YAML, a URDF joint or a ROS 2 static transform."""
+    text = exported(_found(config, robot, camera, entry, store), form, parent, z_m)
+    if output is None:
+        say.result(text)
+        return
+    try:
+        output.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise DataError("OV322", f"cannot write {output}", str(error.strerror or error)) from error
+    say.story(f"wrote   {output}")
+
+
+@contextmanager
+def _opened(config: Path | None, store: Path | None) -> Iterator["Store"]:
+    from omnivert.store import Store
+
+    with Store(store or settings(config).storage.path, writable=False) as opened:
+        yield opened
+
+
+def _found(
+    config: Path | None, robot: str | None, camera: str | None, number: int | None, store: Path | None
+) -> "Entry":
+    """The entry of that number, or the latest of the camera.
+
+    raises  DataError when there is none
+    """
+    chosen = settings(config, robot)
+    with _opened(config, store) as opened:
+        if number is not None:
+            found = next((entry for entry in opened.entries() if entry.entry == number), None)
+        else:
+            found = opened.latest(chosen.robot.id, camera or chosen.camera.id)
+        others = opened.newest()
+        where = opened.path
+    if found is not None:
+        return found
+    who = f"robot {chosen.robot.id}, camera {camera or chosen.camera.id}"
+    wanted = who if number is None else f"entry {number}"
+    names = ", ".join(f"{entry.extrinsics.robot}/{entry.extrinsics.camera}" for entry in others)
+    because = f"it holds {names}" if names else "it is empty"
+    raise DataError("OV607", f"nothing is stored for {wanted} in {where}", because, "omnivert extrinsics list")
+
+
+def _table(entries: list["Entry"], as_json: bool) -> None:
+    if as_json:
+        say.json_result({"entries": [body(entry) for entry in entries]})
+        return
+    if not entries:
+        say.story("nothing is stored")
+        return
+    table = [("entry", "robot", "camera", "phi", "rho", "psi", "verdict", "saved")]
+    for entry in entries:
+        extrinsics = entry.extrinsics
+        phi, rho, psi = (str(part) for part in quantities(extrinsics.mount))
+        names = (f"#{entry.entry}", extrinsics.robot, extrinsics.camera)
+        table.append((*names, phi, rho, psi, word(extrinsics.state), entry.saved_at))
+    for row in results.aligned(table):
+        say.result(row)

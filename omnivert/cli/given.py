@@ -1,0 +1,63 @@
+"""What a recording holds, judged before anything is computed from it."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from omnivert.messages import Bearings, Frame
+from omnivert.wire.channels import FRAME, TICKS, Channel, channel_from_key
+
+if TYPE_CHECKING:
+    from omnivert.wire.recording import Recording
+
+
+def count(recording: "Recording", channel: Channel) -> int:
+    """Messages of one channel, whatever the ids in their keys."""
+    return sum(number for key, number in recording.counts.items() if channel_from_key(key) is channel)
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """The streams of a recording that the calibration lives on."""
+
+    seconds: float
+    frames: int  # images, or sets of bearings where the recording is of a bearing sensor
+    rate_hz: float
+    longest_gap_s: float  # between frames
+    ticks: int
+    cut: str  # why the recording ends early; empty when it is whole
+
+    @classmethod
+    def of(cls, recording: "Recording") -> "Given":
+        sensor = Frame if count(recording, FRAME) else Bearings
+        stamps = [message.stamp_ns for _, message in recording.messages(types=(sensor,))]
+        gaps = [1e-9 * (after - before) for before, after in pairwise(stamps)]
+        lasted = 1e-9 * (stamps[-1] - stamps[0]) if len(stamps) > 1 else 0.0
+        return cls(
+            seconds=1e-9 * (recording.end_ns - recording.start_ns),
+            frames=len(stamps),
+            rate_hz=(len(stamps) - 1) / lasted if lasted > 0 else 0.0,
+            longest_gap_s=max(gaps, default=0.0),
+            ticks=count(recording, TICKS),
+            cut=recording.cut,
+        )
+
+    def __str__(self) -> str:
+        parts = [
+            f"{self.seconds:.1f} s",
+            f"{self.frames} frames ({self.rate_hz:.1f} Hz, longest gap {1e3 * self.longest_gap_s:.0f} ms)",
+            f"{self.ticks} ticks",
+        ]
+        if self.cut:
+            parts.append(f"cut: {self.cut}")
+        return " · ".join(parts)
+
+    def json(self) -> dict[str, Any]:
+        return {
+            "seconds": self.seconds,
+            "frames": self.frames,
+            "rate_hz": self.rate_hz,
+            "longest_gap_s": self.longest_gap_s,
+            "ticks": self.ticks,
+            "cut": self.cut,
+        }

@@ -1,0 +1,23 @@
+"""`omnivert monitor`: watch a running system, from the robot or from another machine."""
+
+import os
+from typing import Annotated
+
+import typer
+
+from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption, settings
+
+
+def monitor(
+    config: ConfigOption = None,
+    robot: RobotOption = None,
+    connect: ConnectOption = None,
+    once: Annotated[bool, typer.Option("--once", help="Print one screen after two seconds and stop.")] = False,
+) -> None:
+    """Watch a robot: the estimates with their sigmas, what to drive next, every service's health."""
+    from omnivert.wire.bus import Bus
+    from services.monitor import run
+
+    chosen = settings(config, robot, connect)
+    with Bus(chosen, "monitor", f"m{os.getpid()}", patience_s=PATIENCE_S) as bus:
+        run(bus, chosen, once)

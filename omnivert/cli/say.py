@@ -1,0 +1,140 @@
+"""How the command line speaks: the result on stdout, the story on stderr, every refusal in one form."""
+
+import codecs
+import json
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from omnivert.errors import OmnivertError
+
+T = TypeVar("T")
+
+PLAIN = {
+    "±": "+-", "✓": "v", "✗": "x", "–": "-", "·": "|", "─": "-", "━": "-", "▶": ">", "°": " deg", "φ": "phi",
+    "ρ": "rho", "ψ": "psi", "…": "...", "→": "->",
+    "▁": "_", "▂": ".", "▃": ":", "▄": "-", "▅": "=", "▆": "+", "▇": "*", "█": "#",
+}  # fmt: skip
+
+
+def _plainly(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    return "".join(PLAIN.get(character, "?") for character in text), error.end
+
+
+def speak_plainly_where_needed() -> None:
+    """A terminal that is not UTF-8 gets plain letters in place of signs, not a crash."""
+    codecs.register_error("omnivert-plain", _plainly)
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="omnivert-plain")
+
+
+def out() -> Console:
+    """Where results go."""
+    return Console(highlight=False, soft_wrap=True)
+
+
+def err() -> Console:
+    """Where the story goes."""
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def story(text: str) -> None:
+    """One line of what is being done; may hold rich markup."""
+    err().print(text)
+
+
+def result(text: str) -> None:
+    """A line of the result, as it is."""
+    out().print(text, markup=False)
+
+
+def json_result(value: dict[str, Any]) -> None:
+    """The whole result as one JSON object; numbers that are not finite become null."""
+    sys.stdout.write(json.dumps(_finite(value), ensure_ascii=True) + "\n")
+    sys.stdout.flush()
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case dict():
+            return {str(key): _finite(item) for key, item in value.items()}
+        case list() | tuple():
+            return [_finite(item) for item in value]
+        case float():
+            return value if abs(value) <= sys.float_info.max else None
+        case _:
+            return value
+
+
+def refusal_json(error: OmnivertError) -> dict[str, str]:
+    return {"code": error.code, "what": error.what, "because": error.because, "help": error.help}
+
+
+def refuse(error: OmnivertError, known: str = "", also: str = "") -> None:
+    """Code and sentence, why, what is known all the same, and what to type next; on stderr.
+
+    also  a second line under help
+    """
+    console = err()
+    console.print(f"[bold red]error[/][bold]\\[{error.code}][/]: [bold]{escape(error.what)}[/]")
+    rows = (("because", error.because), ("known", known), ("help", error.help), ("", also))
+    for name, text in rows:
+        if text:
+            first, *rest = text.splitlines()
+            console.print(f"  [cyan]{name:<8}[/] {escape(first)}")
+            for line in rest:
+                console.print(f"           {escape(line)}")
+
+
+@contextmanager
+def progress(label: str, total: int | None) -> Iterator["Bar"]:
+    """A bar with an estimate of the rest on a terminal; nothing in a pipe."""
+    console = err()
+    if not console.is_terminal:
+        yield Bar(total, lambda *_: None)
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=40),
+        TaskProgressColumn(),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(label, total=total)
+        yield Bar(total, lambda done, of: bar.update(task, completed=done, total=of))
+
+
+class Bar:
+    """How far a long step is."""
+
+    def __init__(self, total: int | None, moved: Callable[[int, int | None], None]) -> None:
+        self._total = total
+        self._moved = moved
+        self._done = 0
+
+    def step(self) -> None:
+        """One more is done."""
+        self.reach(self._done + 1, self._total)
+
+    def reach(self, done: int, total: int | None) -> None:
+        """So many of so many are done."""
+        self._done, self._total = done, total
+        self._moved(done, total)
+
+
+def counted(items: Iterable[T], label: str, total: int | None) -> Iterator[T]:
+    """The items, with a progress bar."""
+    with progress(label, total) as bar:
+        for item in items:
+            yield item
+            bar.step()

@@ -1,0 +1,95 @@
+"""Options that several commands share, and the settings that they lead to."""
+
+import difflib
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from omnivert.config import Config, load, parsed
+from omnivert.errors import DataError, UseError
+
+if TYPE_CHECKING:
+    from omnivert.wire.recording import Recording
+
+PACKAGED = "corridor"  # the recording that comes with omnivert
+PATIENCE_S = 3.0  # how long a command looks for the router
+CORRIDOR = ("omnivert", "data", "corridor.mcap")
+
+ConfigOption = Annotated[Path | None, typer.Option("--config", "-c", help="TOML file; defaults without it.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+RecordingArgument = Annotated[str, typer.Argument(metavar="REC", help="An .mcap file, or the word corridor.")]
+ModeOption = Annotated[
+    str | None, typer.Option("--mode", help="default, or paper: extraction and filter as the paper prints them.")
+]
+RobotOption = Annotated[str | None, typer.Option("--robot", help="Robot to look at; else the configuration's.")]
+ConnectOption = Annotated[
+    str | None, typer.Option("--connect", help="End point of the router, such as tcp/192.168.1.5:7447.")
+]
+
+
+def settings(path: Path | None, robot: str | None = None, connect: str | None = None) -> Config:
+    """The configuration of a file, or the defaults; with robot and end point of the command line in it."""
+    config = with_robot(Config() if path is None else load(path), robot)
+    return config if connect is None else _with(config, "bus", "--connect", endpoint=connect)
+
+
+def with_robot(config: Config, robot: str | None) -> Config:
+    """The configuration for the robot named on the command line, where one is."""
+    return config if robot is None else _with(config, "robot", "--robot", id=robot)
+
+
+def _with(config: Config, table: str, option: str, **values: str) -> Config:
+    """The configuration with values of one table replaced, held to their form; what was set stays what was set."""
+    given = {name: dict(fields) for name, fields in config.model_dump(exclude_unset=True).items()}
+    given[table] = {**given.get(table, {}), **values}
+    return parsed(given, option)
+
+
+def with_mode(config: Config, mode: str | None) -> Config:
+    """The configuration with vision and calibration in the mode that was asked for."""
+    if mode is None:
+        return config
+    if mode not in ("default", "paper"):
+        near = difflib.get_close_matches(mode, ("default", "paper"), n=1, cutoff=0.3)
+        raise UseError("OV206", f"--mode {mode} is not known", help=f"--mode {near[0] if near else 'paper'}")
+    # Only what was set by hand is kept, so that the mode's own values come in.
+    return _with(_with(config, "vision", "--mode", mode=mode), "calibration", "--mode", mode=mode)
+
+
+def opened(name: str) -> "Recording":
+    """The recording of that name: a file, or the packaged one.
+
+    raises  UseError when there is no such file
+    """
+    from omnivert.wire.recording import Recording
+
+    return Recording(recording_path(name))
+
+
+def recording_path(name: str) -> Path:
+    """The file behind the name of a recording."""
+    path = Path(name)
+    if name == PACKAGED and not path.exists():
+        package, *rest = CORRIDOR
+        packaged = Path(str(resources.files(package).joinpath(*rest)))
+        if not packaged.is_file():
+            raise DataError(
+                "OV320", "the packaged recording is missing", f"{packaged} is not there", "pip install omnivert"
+            )
+        return packaged
+    if not path.is_file():
+        folder = path.parent if path.parent.is_dir() else Path()
+        names = [PACKAGED, *sorted(str(file) for file in folder.glob("*.mcap"))]
+        near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+        hint = (
+            f"did you mean {' or '.join(near)}?" if near else "omnivert calibrate corridor   (the packaged recording)"
+        )
+        raise UseError("OV321", f"no recording {name}", "there is no such file", hint)
+    return path
+
+
+def title(name: str) -> str:
+    """How a recording is called in what people read."""
+    return name if name == PACKAGED else Path(name).name

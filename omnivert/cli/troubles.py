@@ -1,0 +1,82 @@
+"""What goes wrong with supervised services, told in one line each; some of it ends the whole."""
+
+import re
+import threading
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+
+from omnivert.cli import say
+from omnivert.cli.supervisor import Event, Happened
+from omnivert.errors import DataError
+
+if TYPE_CHECKING:
+    from omnivert.wire.bus import Bus
+
+START_S = 30.0  # for all services to come up on a busy machine
+HOPELESS = ("router",)  # without it nothing can be done, and starting it again will not open its end point
+REFUSAL = re.compile(r"error\[(OV\d+)\]: (.*)")
+
+
+class Troubles:
+    """Takes the supervisor's events: says what a person should know, and remembers what ends the whole.
+
+    loud  also what services say themselves, and each start
+    """
+
+    def __init__(self, loud: bool = False) -> None:
+        self._loud = loud
+        self._said: dict[str, str] = {}  # service -> the refusal it printed
+        self.fatal = threading.Event()
+        self._reason: DataError | None = None
+
+    def __call__(self, event: Event) -> None:
+        match event.happened:
+            case Happened.SAID:
+                if REFUSAL.search(event.text):
+                    self._said[event.service] = event.text
+                if self._loud:
+                    say.story(f"  [dim]{escape(event.text)}[/]")
+            case Happened.DIED if event.service in HOPELESS and event.service in self._said:
+                self._end(event)
+            case Happened.REFUSED:
+                self._end(event)
+            case Happened.DIED | Happened.KILLED:
+                say.story(f"  [yellow]![/] {escape(str(event))}")
+            case Happened.STARTED | Happened.ENDED:
+                pass
+
+    def check(self) -> None:
+        """raises  DataError when the whole can not go on"""
+        if self._reason is not None:
+            raise self._reason
+
+    def _end(self, event: Event) -> None:
+        said = REFUSAL.search(self._said.get(event.service, event.text))
+        if said is None:
+            self._reason = DataError("OV423", f"{event.service} does not start", event.text)
+        else:
+            code, what = said.groups()
+            text, _, hint = what.partition(" (try: ")
+            self._reason = DataError(code, f"{event.service}: {text}", help=hint.removesuffix(")"))
+        self.fatal.set()
+
+
+def await_services(bus: "Bus", services: set[str], troubles: Troubles) -> None:
+    """Wait until all of them are there.
+
+    raises  DataError when one does not come, KeyboardInterrupt when the bus was stopped
+    """
+
+    def here() -> bool:
+        return services <= {name for name, _ in bus.present()}
+
+    for _ in range(int(START_S)):
+        if bus.await_presence(here, 1.0) or bus.stopped:
+            break
+        troubles.check()
+    if bus.stopped:
+        raise KeyboardInterrupt
+    if not here():
+        lacking = ", ".join(sorted(services - {name for name, _ in bus.present()}))
+        raise DataError("OV422", f"{lacking} did not come up within {START_S:.0f} s", help="omnivert monitor")

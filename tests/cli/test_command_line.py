@@ -1,0 +1,139 @@
+"""Every command helps; wrong use is refused in one form, with the nearest right word, and exit code 2."""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from omnivert.cli.show_config import annotated
+from omnivert.config import Config, parsed
+
+OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
+COMMANDS = [
+    ("demo",),
+    ("up",),
+    ("monitor",),
+    ("record",),
+    ("play",),
+    ("import", "frames"),
+    ("calibrate",),
+    ("track",),
+    ("extrinsics", "list"),
+    ("extrinsics", "show"),
+    ("extrinsics", "history"),
+    ("extrinsics", "export"),
+    ("bench", "pipeline"),
+    ("config",),
+    ("explain",),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_every_command_helps(omnivert: Any, command: tuple[str, ...]) -> None:
+    ran = omnivert(*command, "--help")
+    assert ran.code == 0
+    assert "Usage: omnivert " + " ".join(command) in ran.out
+
+
+def test_without_a_command_it_shows_where_to_begin(omnivert: Any) -> None:
+    ran = omnivert()
+    assert ran.code == 0
+    assert "omnivert demo" in ran.out
+
+
+def test_it_tells_its_version(omnivert: Any) -> None:
+    assert omnivert("--version").out.startswith("omnivert 0.")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "near"),
+    [
+        (("calibrte", "corridor"), "calibrate"),
+        (("calibrate", "corridor", "--pictur", "x"), "--picture"),
+        (("extrinsics", "lst"), "list"),
+        (("calibrate", "coridor"), "corridor"),
+        (("calibrate", "corridor", "--mode", "papr"), "paper"),
+        (("explain", "OV1044"), "OV104"),
+    ],
+)
+def test_a_typo_is_refused_with_the_nearest_right_word(omnivert: Any, arguments: tuple[str, ...], near: str) -> None:
+    ran = omnivert(*arguments)
+    assert ran.code == 2
+    assert ran.out == ""
+    assert ran.err.startswith("error[OV2") or ran.err.startswith("error[OV321")
+    assert near in ran.err.split("help")[1]
+
+
+def test_wrong_use_with_json_is_one_object_too(omnivert: Any) -> None:
+    ran = omnivert("calibrate", "nowhere.mcap", "--json")
+    assert ran.code == 2
+    assert ran.json["error"]["code"] == "OV321"
+
+
+@pytest.mark.parametrize("arguments", [("up",), ("record",), ("import", "frames", ".")])
+def test_a_missing_argument_is_wrong_use(omnivert: Any, arguments: tuple[str, ...]) -> None:
+    assert omnivert(*arguments).code == 2
+
+
+def test_a_bad_configuration_is_refused_with_its_key(omnivert: Any, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("[robot]\nwheel_bass_m = 0.4\n")
+    ran = omnivert("calibrate", "corridor", "--config", tmp_path / "robot.toml")
+    assert ran.code == 2
+    assert "robot.wheel_bass_m" in ran.err
+    assert "did you mean wheel_base_m?" in ran.err
+
+
+def test_a_recording_is_never_overwritten(omnivert: Any, tmp_path: Path) -> None:
+    (tmp_path / "drive.mcap").write_bytes(b"the only drive")
+    ran = omnivert("record", tmp_path / "drive.mcap")
+    assert (ran.code, (tmp_path / "drive.mcap").read_bytes()) == (2, b"the only drive")
+
+
+def test_no_router_is_said_in_one_line(omnivert: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("omnivert.cli.monitor.PATIENCE_S", 0.1)
+    ran = omnivert("monitor", "--once", "--connect", f"unixsock-stream/{tmp_path}/none.sock")
+    assert ran.code == 1
+    assert "error[OV401]" in ran.err
+
+
+def test_the_printed_configuration_is_the_configuration() -> None:
+    given = {"robot": {"id": "r2", "wheel_base_m": 0.31}, "bus": {"listen": ["tcp/192.168.1.5:7447"]}}
+    config = parsed(given, "test")
+    text = annotated(config)
+    assert parsed(tomllib.loads(text), "printed") == config
+    assert 'id = "r2"  # default: "demo"' in text
+    assert parsed(tomllib.loads(annotated(Config())), "printed") == Config()
+
+
+def test_the_configuration_as_json(omnivert: Any) -> None:
+    assert omnivert("config", "--json").json["robot"]["id"] == "demo"
+
+
+def test_a_terminal_without_utf8_gets_plain_letters(store: Path) -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
+    command = [
+        sys.executable,
+        "-c",
+        "from omnivert.cli import main; main()",
+        "extrinsics",
+        "show",
+        "--store",
+        str(store),
+    ]
+    ran = subprocess.run(command, env=environment, capture_output=True, timeout=60, check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert b"+-" in ran.stdout
+    ran.stdout.decode("ascii")
+
+
+def test_a_pipe_gets_no_colours() -> None:
+    command = [*OMNIVERT, "calibrate", "nowhere.mcap", "--json"]
+    ran = subprocess.run(command, capture_output=True, timeout=60, check=False)
+    assert ran.returncode == 2
+    assert b"\x1b" not in ran.stdout + ran.stderr
+    assert json.loads(ran.stdout)["error"]["code"] == "OV321"

@@ -1,0 +1,111 @@
+"""The demo end to end: real processes on a real bus, from nothing to a stored mount with its picture."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from omnivert.cli.demo_watch import Heard
+from omnivert.messages import Estimate, Extrinsics, Mount, ParameterVerdict, Playback, Receipt, State
+from omnivert.store import Store
+
+OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
+
+
+def environment(mark: Path) -> dict[str, str]:
+    """The environment of a demo, by which its processes can be found again."""
+    return {**os.environ, "OMNIVERT_TEST_MARK": str(mark), "PYTHONUNBUFFERED": "1"}
+
+
+def processes_of(mark: Path) -> list[Path]:
+    """Running processes with this mark in their environment."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            marked = f"OMNIVERT_TEST_MARK={mark}\0".encode() in (process / "environ").read_bytes()
+        except OSError:
+            continue
+        found += [process] if marked else []
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for left-over processes in /proc")
+def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    command = [*OMNIVERT, "demo", "--output", str(output), "--json"]
+    ran = subprocess.run(command, env=environment(tmp_path), capture_output=True, text=True, timeout=110, check=False)
+    assert ran.returncode == 0, ran.stderr
+    body = json.loads(ran.stdout)
+    assert body["verdict"] == "calibrated"
+    assert max(body["error_in_sigmas"].values()) < 3.0
+    assert abs(body["error"]["phi_rad"]) < 0.035
+    assert abs(body["error"]["rho_m"]) < 0.015
+    assert abs(body["error"]["psi_rad"]) < 0.035
+    picture = cv2.imread(str(output / "result.png"))
+    assert picture is not None
+    assert picture.std() > 20
+    with Store(output / "extrinsics.db", writable=False) as store:
+        latest = store.latest("demo", "front")
+    assert latest is not None
+    assert latest.entry == body["entry"]
+    assert latest.extrinsics.mount.rho_m == body["rho_m"]
+    for state in ("not yet", "calibrated"):
+        assert state in ran.stderr
+    assert processes_of(tmp_path) == []
+
+
+def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path) -> None:
+    command = [*OMNIVERT, "demo", "--output", str(tmp_path / "out")]
+    with subprocess.Popen(
+        command,
+        env=environment(tmp_path),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as demo:
+        assert demo.stderr is not None
+        for line in demo.stderr:
+            if "playing" in line:
+                break
+        demo.send_signal(signal.SIGINT)
+        rest = demo.stderr.read()
+        assert demo.wait(30) == 130
+    assert "Traceback" not in rest
+    assert processes_of(tmp_path) == []
+
+
+PART = ParameterVerdict(State.CALIBRATED)
+
+
+def heard_all() -> Heard:
+    """Two frames played, the last one's estimate in, what was claimed stored."""
+    heard = Heard(total_frames=2, end_ns=20)
+    mount = Mount(0.1, 0.2, 0.3, np.eye(3))
+    heard.step(Estimate(20, 2, mount, State.CALIBRATED, PART, PART, PART, "", 1.0, 1.0, 5, 0, 0))
+    heard.step(Extrinsics(20, "demo", "front", mount, State.CALIBRATED, 2, (), "omnivert 0.1.0", "x"))
+    heard.step(Receipt(20, "demo", "front", 1))
+    heard.step(Playback(20, 2, 2, True))
+    return heard
+
+
+def test_the_demo_waits_for_the_receipt_of_the_last_claim() -> None:
+    heard = heard_all()
+    assert heard.complete
+    heard.receipt = Receipt(10, "demo", "front", 1)
+    assert not heard.complete
+
+
+def test_the_demo_waits_for_the_last_frame_and_the_player() -> None:
+    heard = heard_all()
+    heard.played = Playback(20, 2, 2, False)
+    assert not heard.complete
+    heard = heard_all()
+    heard.end_ns = 30
+    assert not heard.complete

@@ -1,0 +1,70 @@
+"""The store's contents in every form say the same pose."""
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+def pose() -> tuple[float, float, float]:
+    """x, y, yaw of phi 0.6, rho 0.25, psi -0.2, by complex numbers."""
+    place = 0.25 * complex(math.cos(0.6), math.sin(0.6))
+    return place.real, place.imag, 0.4
+
+
+def test_the_list_shows_the_latest_of_each_camera(omnivert: Any, store: Path) -> None:
+    ran = omnivert("extrinsics", "list", "--store", store)
+    assert ran.code == 0
+    rows = ran.out.splitlines()
+    assert len(rows) == 3
+    assert [row.split()[:3] for row in rows[1:]] == [["#2", "arm", "wrist"], ["#3", "demo", "front"]]
+    assert "34.38 ± 0.57 deg" in rows[2]
+
+
+def test_the_history_is_newest_first(omnivert: Any, store: Path) -> None:
+    entries = omnivert("extrinsics", "history", "--store", store, "--json").json["entries"]
+    assert [entry["entry"] for entry in entries] == [3, 1]
+
+
+def test_one_entry_is_shown_with_all_that_belongs_to_it(omnivert: Any, store: Path) -> None:
+    shown = omnivert("extrinsics", "show", "--store", store)
+    assert "#3  robot demo, camera front  calibrated" in shown.out
+    assert "0123456789abcdef" in shown.out
+    body = omnivert("extrinsics", "show", "--store", store, "--robot", "arm", "--camera", "wrist", "--json").json
+    assert (body["entry"], body["phi_rad"], body["frames"]) == (2, 1.0, 120)
+    assert omnivert("extrinsics", "show", "--store", store, "--entry", 1, "--json").json["phi_rad"] == 0.5
+
+
+def test_every_export_holds_the_same_pose(omnivert: Any, store: Path) -> None:
+    x, y, yaw = pose()
+
+    def exported(form: str) -> str:
+        ran = omnivert("extrinsics", "export", "--store", store, "--format", form, "--z-m", 0.4)
+        assert ran.code == 0
+        return str(ran.out)
+
+    assert json.loads(exported("json"))["robot_from_camera"]["x_m"] == pytest.approx(x, abs=1e-9)
+    assert f"  yaw_rad: {json.loads(exported('json'))['robot_from_camera']['yaw_rad']}" in exported("yaml")
+    urdf = re.search(r'xyz="(\S+) (\S+) (\S+)" rpy="0 0 (\S+)"', exported("urdf"))
+    assert urdf is not None
+    assert [float(v) for v in urdf.groups()] == pytest.approx([x, y, 0.4, yaw], abs=1e-6)
+    ros2 = dict(re.findall(r"--(x|y|z|yaw) (\S+)", exported("ros2")))
+    assert [float(ros2[k]) for k in ("x", "y", "z", "yaw")] == pytest.approx([x, y, 0.4, yaw], abs=1e-6)
+
+
+def test_nothing_stored_is_said_with_what_is(omnivert: Any, store: Path, tmp_path: Path) -> None:
+    ran = omnivert("extrinsics", "show", "--store", store, "--robot", "other")
+    assert ran.code == 1
+    assert "arm/wrist, demo/front" in ran.err
+    assert "omnivert extrinsics list" in ran.err
+    ran = omnivert("extrinsics", "list", "--store", tmp_path / "none.db")
+    assert (ran.code, ran.out) == (1, "")
+    assert "error[OV605]" in ran.err
+    assert not (tmp_path / "none.db").exists()
+
+
+def test_an_unknown_format_is_wrong_use(omnivert: Any, store: Path) -> None:
+    assert omnivert("extrinsics", "export", "--store", store, "--format", "xml").code == 2

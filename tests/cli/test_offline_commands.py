@@ -1,0 +1,114 @@
+"""calibrate, track and play --info on small recordings: results on stdout, story on stderr, honest exit codes."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from omnivert.cli import results
+from omnivert.cli.calibrate import Outcome, refusal
+from omnivert.messages import Estimate, Mount, ParameterVerdict, State
+
+
+def test_a_straight_drive_is_refused_with_what_is_missing(omnivert: Any, straight: Path) -> None:
+    ran = omnivert("calibrate", straight)
+    assert ran.code == 1
+    assert ran.out == ""
+    given, drive, error, *rest = ran.err.splitlines()
+    assert given.startswith("given   straight.mcap  8.0 s")
+    assert "24 frames (3.0 Hz, longest gap 333 ms)" in given
+    assert drive.startswith("drive   ")
+    assert error.startswith("error[OV104]: phi and psi can not be told apart")
+    assert any(line.startswith("  because  ") for line in rest)
+    assert any(line.startswith("  help     ") for line in rest)
+    assert any("omnivert explain OV104" in line for line in rest)
+
+
+def test_a_refusal_with_json_is_one_object_with_all_that_is_known(omnivert: Any, straight: Path) -> None:
+    ran = omnivert("calibrate", straight, "--json")
+    assert ran.code == 1
+    assert ran.json["error"]["code"] == "OV104"
+    assert ran.json["verdict"] == "not_yet"
+    assert ran.json["given"]["frames"] == 24
+    assert ran.json["next_manoeuvre"]
+
+
+def test_a_recording_without_ticks_is_refused(omnivert: Any, without_ticks: Path) -> None:
+    ran = omnivert("calibrate", without_ticks)
+    assert ran.code == 1
+    assert "error[OV102]" in ran.err
+
+
+def test_tracks_and_centres_are_written_as_tables(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    lines, centers, drawn = tmp_path / "lines.csv", tmp_path / "centers.csv", tmp_path / "drawn"
+    ran = omnivert("track", straight, "--csv", lines, "--centers", centers, "--draw", drawn, "--json")
+    assert ran.code == 0
+    assert ran.json["frames"] == 24
+    with lines.open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[:4] == ["index", "t_s", "track_id", "bearing_rad"]
+    assert len(rows) == ran.json["sightings"]
+    assert {int(row["index"]) for row in rows} == set(range(24))
+    assert float(rows[-1]["t_s"]) == pytest.approx(23 / 3, abs=1e-5)
+    assert all(-np.pi <= float(row["bearing_rad"]) <= np.pi for row in rows)
+    with centers.open() as file:
+        found = list(csv.DictReader(file))
+    assert [row["index"] for row in found] == [str(index) for index in range(ran.json["ring_found"])]
+    assert abs(float(found[0]["cu_px"]) - 321.5) < 5.0
+    picture = cv2.imread(str(drawn / "000023.png"))
+    assert picture is not None
+    assert picture.shape == (480, 640, 3)
+
+
+def test_tracking_in_paper_mode_finds_fewer_lines(omnivert: Any, straight: Path) -> None:
+    ours, paper = omnivert("track", straight, "--json"), omnivert("track", straight, "--mode", "paper", "--json")
+    assert paper.json["lines_per_frame"] < ours.json["lines_per_frame"]
+
+
+def test_a_table_that_cannot_be_written_is_said(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    ran = omnivert("track", straight, "--csv", tmp_path / "nowhere" / "lines.csv")
+    assert ran.code == 1
+    assert "error[OV322]" in ran.err
+
+
+def test_info_says_what_a_recording_holds(omnivert: Any, straight: Path) -> None:
+    assert "24 frames (3.0 Hz" in omnivert("play", straight, "--info").out
+    assert omnivert("play", straight, "--info", "--json").json["frames"] == 24
+
+
+def test_an_import_of_no_folder_is_refused_and_leaves_nothing(omnivert: Any, tmp_path: Path) -> None:
+    ran = omnivert("import", "frames", tmp_path / "none", "-o", tmp_path / "out.mcap")
+    assert ran.code == 1
+    assert "error[OV310]" in ran.err
+    assert list(tmp_path.iterdir()) == []
+
+
+MOUNT = Mount(3.1, 0.2, -0.3, np.diag([0.01**2, 0.002**2, 0.02**2]))
+
+
+def test_errors_go_the_short_way_round_and_are_counted_in_sigmas() -> None:
+    truth = (-3.1, 0.196, -0.28)
+    assert results.errors(MOUNT, truth) == pytest.approx((-0.0831853, 0.004, -0.02), abs=1e-6)
+    assert results.in_sigmas(MOUNT, truth) == pytest.approx((8.31853, 2.0, 1.0), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("state", "driven", "turned", "code"),
+    [
+        (State.INVALID, 5.0, 3.0, "OV106"),
+        (State.MOVED, 5.0, 3.0, "OV107"),
+        (State.WAITING, 0.0, 0.0, "OV108"),
+        (State.NOT_YET, 6.1, 0.07, "OV104"),
+        (State.NOT_YET, 0.1, 6.0, "OV105"),
+        (State.NOT_YET, 5.0, 3.0, "OV109"),
+    ],
+)
+def test_a_refusal_names_the_cause(state: State, driven: float, turned: float, code: str) -> None:
+    part = ParameterVerdict(state)
+    last = Estimate(1, 9, MOUNT, state, part, part, part, "turn about 90 deg", driven, turned, 5, 0, 0)
+    error = refusal(Outcome(estimates=[last]))
+    assert error.code == code
+    assert error.help == "turn about 90 deg, then run this again"
