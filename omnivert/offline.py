@@ -5,13 +5,16 @@ from collections.abc import Iterator
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Ticks
+from omnivert.threads import one_thread
 from omnivert.timeline import Timeline
 from omnivert.vision.frontend import FrontEnd
+from omnivert.wire.channels import FRAME
 from omnivert.wire.recording import Recording
 
 
 def tracked(recording: Recording, config: Config) -> Iterator[Bearings]:
     """The lines of every frame in the recording, as the vision service would publish them."""
+    one_thread()
     front_end = FrontEnd(config)
     for _, message in recording.messages(types=(Frame,)):
         if isinstance(message, Frame):
@@ -23,10 +26,11 @@ def calibrated(recording: Recording, config: Config) -> Iterator[Bearings | Esti
 
     A recording of a bearing sensor carries Bearings instead of frames; they are taken as they are.
     """
+    one_thread()
     front_end = FrontEnd(config)
     timeline = Timeline((Ticks, Bearings), config.timeline)
     calibrator = Calibrator(config)
-    has_frames = Frame.__name__ in recording.counts
+    has_frames = FRAME.key(config) in recording.counts
     for _, recorded in recording.messages(types=(Frame, Ticks) if has_frames else (Bearings, Ticks)):
         message = front_end.step(recorded) if isinstance(recorded, Frame) else recorded
         if isinstance(message, Bearings):

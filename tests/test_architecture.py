@@ -10,7 +10,7 @@ SOURCES = sorted(path for top in ("omnivert", "services") for path in (PROJECT /
 
 # Reading order is data order. A room may import itself and what stands above it.
 HOUSE = (
-    ("omnivert", "omnivert.angles", "omnivert.errors"),
+    ("omnivert", "omnivert.angles", "omnivert.errors", "omnivert.threads"),
     ("omnivert.messages",),
     ("omnivert.config",),
     ("omnivert.timeline", "omnivert.odometry"),

@@ -185,15 +185,14 @@ def _limits(value: NDArray[np.float64], sigma: NDArray[np.float64], target: floa
     if not known.any():
         return (-1.0, 1.0) if target is None else (target - 1.0, target + 1.0)
     value, sigma = value[known], sigma[known]
-    late = slice(len(value) // 5, None)
-    low, high = np.min((value - 1.3 * sigma)[late]), np.max((value + 1.3 * sigma)[late])
+    low, high = np.min(value - 1.3 * sigma), np.max(value + 1.3 * sigma)
     most = max(14.0 * sigma[-1], 1e-9)
     centre = value[-1]
     low, high = max(low, centre - most), min(high, centre + most)
     if target is not None:
         low, high = min(low, target - sigma[-1]), max(high, target + sigma[-1])
     margin = 0.12 * max(high - low, 1e-9)
-    return float(low - margin), float(high + 1.8 * margin)
+    return float(low - margin), float(high + 2.6 * margin)  # the number stands above the curve
 
 
 def _photograph(axes: Axes, frame_bgr: NDArray[np.uint8] | None) -> None:
