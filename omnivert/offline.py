@@ -1,10 +1,10 @@
 """A recording through the very steppers that the services run: the same bytes of result, without a process or a bus."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.config import Config
-from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Ticks
+from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Message, Ticks
 from omnivert.threads import one_thread
 from omnivert.timeline import Timeline
 from omnivert.vision.frontend import FrontEnd
@@ -31,10 +31,16 @@ def calibrated(recording: Recording, config: Config) -> Iterator[Bearings | Esti
     timeline = Timeline((Ticks, Bearings), config.timeline)
     calibrator = Calibrator(config)
     has_frames = FRAME.key(config) in recording.counts
+
+    def results(ordered: Sequence[Message]) -> Iterator[Estimate | Extrinsics]:
+        for message in ordered:
+            if isinstance(message, Ticks | Bearings):
+                yield from calibrator.step(message)
+
     for _, recorded in recording.messages(types=(Frame, Ticks) if has_frames else (Bearings, Ticks)):
         message = front_end.step(recorded) if isinstance(recorded, Frame) else recorded
         if isinstance(message, Bearings):
             yield message
-        for released in timeline.push(message, replay=True):
-            if isinstance(released, Ticks | Bearings):
-                yield from calibrator.step(released)
+        yield from results(timeline.push(message, replay=True))
+    yield from results(timeline.drain())
+    yield from calibrator.close()
