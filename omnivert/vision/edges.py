@@ -61,7 +61,7 @@ def _strip_edges(strip: Grey, left: int, top: int, min_magnitude: float) -> Edge
     """The edge points of a strip, its two outermost rows and columns left out."""
     sobel_u, sobel_v = cv2.spatialGradient(np.ascontiguousarray(strip))
     gu, gv = sobel_u.astype(np.float32), sobel_v.astype(np.float32)
-    magnitude = np.asarray(cv2.magnitude(gu, gv), dtype=np.float32)
+    magnitude = np.sqrt(gu * gu + gv * gv)  # cv2.magnitude's last bit depends on where in memory its arguments lie
     # Paper: silent on how edges are thinned. Here: along the picture axis nearer to the gradient, because an edge then
     # keeps exactly one point in each row (or column) that it crosses, and its place comes below the pixel for free.
     inner = magnitude[2:-2, 2:-2]
