@@ -20,7 +20,7 @@ class Credits:
         self.ticks_ns = 0
         self.lost = 0
         self._ahead = frames_ahead
-        self._last_frame_ns = -1  # none yet
+        self._last_frame_ns = self._last_ticks_ns = -1  # none yet
         self._without_bearings: deque[int] = deque()
         self._without_estimate: deque[int] = deque()
         self._possible_ns = -1  # estimates up to this stamp can exist
@@ -28,9 +28,9 @@ class Credits:
     def played(self, message: Message) -> None:
         match message:
             case Ticks():
-                self.ticks_ns = message.stamp_ns
+                self._last_ticks_ns = self.ticks_ns = message.stamp_ns
             case Frame() | Bearings():
-                self._possible_ns = min(self.ticks_ns, self._last_frame_ns)
+                self._possible_ns = min(self._last_ticks_ns, self._last_frame_ns)
                 self._last_frame_ns = self.frame_ns = message.stamp_ns
                 self._without_estimate.append(message.stamp_ns)
                 if isinstance(message, Frame):

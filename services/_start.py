@@ -16,6 +16,7 @@ from omnivert.config import Config, load
 from omnivert.errors import OmnivertError
 from omnivert.threads import one_thread
 from omnivert.wire.bus import Bus
+from omnivert.wire.endings import FORCED
 
 _GRACE_S = 2.5
 _SWITCH_S = 0.0005  # a busy thread must let the bus's threads in: 5 ms would be felt in every latency
@@ -82,7 +83,7 @@ def force_exit_after_stop(bus: Bus) -> None:
             pass
         threading.Event().wait(_GRACE_S)
         logging.getLogger("omnivert").error("did not stop within %.1f s; ended by force", _GRACE_S)
-        os._exit(75)
+        os._exit(FORCED)
 
     threading.Thread(target=watch, name="force-exit", daemon=True).start()
 

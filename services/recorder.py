@@ -25,7 +25,7 @@ def run(bus: Bus, config: Config, path: Path) -> None:
     try:
         with RecordingWriter(path, config) as writer:
             closed_s = time.monotonic()
-            for received in bus.listen(*CHANNELS, period_s=_CHUNK_S):
+            for received in bus.listen(*CHANNELS, period_s=_CHUNK_S, every=True):
                 if received is not None:
                     writer.write(received.key, received.message)
                     bus.done(received)
@@ -52,8 +52,15 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", type=Path, required=True)
 
 
+def _run(bus: Bus, config: Config, given: argparse.Namespace) -> None:
+    try:
+        run(bus, config, unused(given.output))
+    except DataError as error:  # the end of it, and nothing that another start would mend
+        _start.refusal("recorder", error)
+
+
 def main() -> int:
-    return _start.start("recorder", lambda bus, config, given: run(bus, config, unused(given.output)), _arguments)
+    return _start.start("recorder", _run, _arguments)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import threading
 
 from omnivert.errors import OmnivertError
 from omnivert.wire.bus import Router
-from omnivert.wire.signals import Signals
+from omnivert.wire.endings import Signals
 from services import _start
 
 _log = logging.getLogger("omnivert.router")

@@ -76,6 +76,8 @@ def played(
             say.story(f"  [cyan]▶[/] playing    {PACKAGED}, {len(stamps)} frames of {seconds:.0f} s, {pace}")
             supervisor.start("player", "--recording", str(recording_path(PACKAGED)), "--speed", f"{speed:g}")
             watched(bus, heard, say.err(), source.start_ns, troubles)
+            if bus.stopped:
+                raise KeyboardInterrupt
             answer = bus.ask(channels.EXTRINSICS, timeout_s=3.0)
     return heard, answer if isinstance(answer, Extrinsics) else None
 

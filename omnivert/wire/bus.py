@@ -6,13 +6,11 @@ publisher waits for a consumer (DROP), and every message that is lost on the way
 
 import json
 import logging
-import os
 import secrets
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from types import TracebackType
+from contextlib import suppress
 from typing import Any, Self
 
 import zenoh
@@ -22,19 +20,18 @@ from omnivert.errors import DataError, UseError
 from omnivert.messages import Message
 from omnivert.wire.channels import HEALTH, Channel, health_key
 from omnivert.wire.codec import encode
+from omnivert.wire.endings import Signals, ended_by_force_after
 from omnivert.wire.envelope import Envelope
-from omnivert.wire.forms import WireError
-from omnivert.wire.inbox import Inbox, Parcel
+from omnivert.wire.inbox import Inbox
+from omnivert.wire.listening import answered, newest_answer, posted, taken
 from omnivert.wire.meter import Meter
 from omnivert.wire.presence import Presence
-from omnivert.wire.received import Received, message_of, opened
+from omnivert.wire.received import Received
 from omnivert.wire.settings import client_settings, router_settings
-from omnivert.wire.signals import Signals
 
 __all__ = ["Bus", "Received", "Router"]
 
 _log = logging.getLogger("omnivert.bus")
-
 _CLOSE_S = 2.0  # zenoh may hang in close for 10 s, and a session that is not closed hangs the exit
 
 
@@ -67,8 +64,6 @@ class Bus:
         self._health = threading.Thread(target=self._tell_health, name="health", daemon=True)
         self._signals = Signals(self.stop)
 
-    # ------------------------------------------------------------------ opening and closing
-
     def __enter__(self) -> Self:
         self._signals.watch()
         try:
@@ -82,9 +77,7 @@ class Bus:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         self.stop()
         self._close()
 
@@ -124,13 +117,10 @@ class Bus:
     def _close(self) -> None:
         session = self._session
         if session is not None:
-            with _ended_by_force_after(_CLOSE_S):
+            with ended_by_force_after(_CLOSE_S):
                 with suppress(zenoh.ZError):
                     self._publish_health()
                 self._session = None
-                with suppress(zenoh.ZError):
-                    if self._token is not None:
-                        self._token.undeclare()
                 with suppress(zenoh.ZError):
                     _close(session)
         self._signals.release()
@@ -171,12 +161,9 @@ class Bus:
         for service in services:
             for reply in self._session.liveliness().get(f"v1/@live/{service}/**", timeout=1.0):
                 if reply.ok is not None and str(reply.ok.key_expr) != self._presence.key:
-                    raise UseError(
-                        "OV402",
-                        f"{self.service} cannot run beside another {service}",
-                        f"both publish the sensors of robot {self.config.robot.id}, and one {service} is here",
-                        "omnivert monitor",
-                    )
+                    because = f"both publish the sensors of robot {self.config.robot.id}, and one {service} is here"
+                    what = f"{self.service} cannot run beside another {service}"
+                    raise UseError("OV402", what, because, "omnivert monitor")
 
     def _seen(self, sample: zenoh.Sample) -> None:
         self._presence.token(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -193,10 +180,6 @@ class Bus:
             raise ValueError(f"{type(message).__name__} does not belong on the channel of {channel.message.__name__}")
         self.ready()
         self._put(channel, channel.key(self.config), message, cause, replay)
-
-    def heard(self, channel: Channel) -> bool:
-        """Whether somebody listens to what this service publishes on a channel."""
-        return self._session is not None and self._publisher(channel, channel.key(self.config)).heard
 
     def _put(self, channel: Channel, key: str, message: Message, cause: Received | None, replay: bool) -> None:
         data = encode(message)
@@ -225,82 +208,42 @@ class Bus:
 
     # ------------------------------------------------------------------ listening
 
-    def listen(self, *channels: Channel, period_s: float = 1.0) -> Iterator[Received | None]:
+    def listen(self, *channels: Channel, period_s: float = 1.0, every: bool = False) -> Iterator[Received | None]:
         """What arrives from now on, in order for each key; None when nothing was given for `period_s`.
 
         Ends when the bus stops.
+        every  also every live frame, where a consumer that is late would otherwise take the newest one
         """
-        inbox = Inbox(self.config.bus.queue_messages, self.config.bus.queue_bytes)
+        settings = self.config.bus
+        inbox = Inbox(settings.queue_messages, settings.queue_bytes, every)
         self._inboxes.append(inbox)
         subscribers: list[Any] = []
-        if self._session is not None:
+        if self._session is None or self._stopped.is_set():
+            inbox.close()
+        else:
             for channel in channels:
                 key = channel.key(self.config)
-                subscribers.append(self._session.declare_subscriber(key, self._posted(channel, inbox)))
+                post = posted(channel, key, inbox, self._meter, settings.max_message_bytes)
+                subscribers.append(self._session.declare_subscriber(key, post))
             self.ready()
         return self._taken(inbox, subscribers, period_s)
 
     def _taken(self, inbox: Inbox, subscribers: list[Any], period_s: float) -> Iterator[Received | None]:
         try:
-            due_s = time.monotonic() + period_s
-            while not self._stopped.is_set():
-                parcel = inbox.take(max(due_s - time.monotonic(), 0.0))
-                received = self._opened(parcel) if parcel is not None else None
-                if received is not None or (time.monotonic() >= due_s and not self._stopped.is_set()):
-                    yield received
-                    due_s = time.monotonic() + period_s
+            yield from taken(inbox, self._meter, period_s)
         finally:
             for subscriber in subscribers:
                 with suppress(zenoh.ZError):
                     subscriber.undeclare()
-
-    def _posted(self, channel: Channel, inbox: Inbox) -> Callable[[zenoh.Sample], None]:
-        """The callback of a subscriber: copies the bytes out, and leaves."""
-
-        def post(sample: zenoh.Sample) -> None:
-            key = str(sample.key_expr)
-            name = key if len(key) <= 64 else channel.key(self.config)
-            try:
-                attachment = sample.attachment
-                envelope = Envelope.unpacked(attachment.to_bytes()) if attachment is not None else None
-                if len(sample.payload) > self.config.bus.max_message_bytes:
-                    self._meter.refused(f"{name}: too large")
-                elif envelope is None:
-                    self._meter.refused(f"{name}: no envelope")
-                else:
-                    self._meter.received(name, envelope)
-                    for displaced in inbox.put(Parcel(channel, name, envelope, sample.payload.to_bytes())):
-                        self._meter.dropped(displaced.key)
-            except Exception as error:  # noqa: BLE001 - zenoh would only log it
-                self._meter.refused(f"{name}: {type(error).__name__} in the callback")
-
-        return post
-
-    def _opened(self, parcel: Parcel) -> Received | None:
-        try:
-            return opened(parcel)
-        except WireError as error:
-            self._meter.refused(f"{parcel.key}: {error.reason}")
-            return None
 
     # ------------------------------------------------------------------ questions
 
     def answer(self, channel: Channel, answerer: Callable[[], Message | None]) -> None:
         """Answers whoever asks on a channel, in a thread of zenoh's, until the bus closes; None: no answer."""
         key = channel.key(self.config)
-
-        def on_query(query: zenoh.Query) -> None:
-            with query:
-                try:
-                    message = answerer()
-                    if message is not None:
-                        query.reply(key, encode(message))
-                except Exception as error:  # noqa: BLE001 - the asker must hear of it, and zenoh would only log it
-                    self._meter.refused(f"{key}: {type(error).__name__} in the answer")
-                    query.reply_err(type(error).__name__)
-
         if self._session is not None:
-            self._declared.append(self._session.declare_queryable(key, on_query, complete=True))
+            answer = answered(key, answerer, self._meter)
+            self._declared.append(self._session.declare_queryable(key, answer, complete=True))
         self.ready()
 
     def ask(self, channel: Channel, timeout_s: float = 1.0) -> Message | None:
@@ -308,22 +251,16 @@ class Bus:
         if self._session is None:
             return None
         key = channel.key(self.config)
-        answers: list[Message] = []
         with suppress(zenoh.ZError):
-            for reply in self._session.get(
+            replies = self._session.get(
                 key,
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 allowed_destination=zenoh.Locality.REMOTE,
                 timeout=timeout_s,
-            ):
-                try:
-                    if reply.ok is None:
-                        raise WireError("an answer failed")
-                    answers.append(message_of(channel, reply.ok.payload.to_bytes()))
-                except WireError as error:
-                    self._meter.refused(f"{key}: {error.reason}")
-        return max(answers, key=lambda answer: answer.stamp_ns, default=None)
+            )
+            return newest_answer(replies, key, channel, self._meter)
+        return None
 
     # ------------------------------------------------------------------ health
 
@@ -369,10 +306,6 @@ class _Publisher:
         self._lock = threading.Lock()
         self._sequence = 0
 
-    @property
-    def heard(self) -> bool:
-        return self._publisher.matching_status
-
     def put(self, data: bytes, incarnation: bytes, run: bytes, replay: bool) -> None:
         with self._lock:
             envelope = Envelope(incarnation, run, self._sequence, time.monotonic_ns(), replay)
@@ -398,11 +331,9 @@ class Router:
             ) from error
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         if self._session is not None:
-            with _ended_by_force_after(_CLOSE_S), suppress(zenoh.ZError):
+            with ended_by_force_after(_CLOSE_S), suppress(zenoh.ZError):
                 _close(self._session)
 
 
@@ -415,21 +346,3 @@ def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:
 
 def _close(session: Any) -> None:  # zenoh's own type for it is incomplete
     session.close()
-
-
-@contextmanager
-def _ended_by_force_after(limit_s: float) -> Iterator[None]:
-    """What hangs in here ends the process."""
-    guard = threading.Timer(limit_s, _give_up, (limit_s,))
-    guard.daemon = True
-    guard.start()
-    try:
-        yield
-    finally:
-        guard.cancel()
-
-
-def _give_up(limit_s: float) -> None:
-    _log.error("zenoh did not close within %.0f s", limit_s)
-    logging.shutdown()
-    os._exit(75)

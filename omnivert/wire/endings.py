@@ -1,10 +1,15 @@
-"""SIGTERM and SIGINT as one call, for as long as a process wants them so."""
+"""How a process that is on the bus ends: at a signal, and by force when zenoh hangs."""
 
+import logging
+import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
+
+FORCED = 75  # exit code
 
 
 class Signals:
@@ -30,3 +35,21 @@ class Signals:
         signal.signal(number, self._before.pop(number, signal.SIG_DFL))
         # Not here: the main thread may hold one of the locks that stop takes.
         threading.Thread(target=self._stop, name="stop", daemon=True).start()
+
+
+@contextmanager
+def ended_by_force_after(limit_s: float) -> Iterator[None]:
+    """What hangs in here ends the process: zenoh's threads would keep it from ending by itself."""
+    guard = threading.Timer(limit_s, _give_up, (limit_s,))
+    guard.daemon = True
+    guard.start()
+    try:
+        yield
+    finally:
+        guard.cancel()
+
+
+def _give_up(limit_s: float) -> None:
+    logging.getLogger("omnivert.bus").error("zenoh did not close within %g s", limit_s)
+    logging.shutdown()
+    os._exit(FORCED)

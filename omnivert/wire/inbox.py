@@ -24,9 +24,13 @@ class _Slot:
 
 
 class Inbox:
-    """A queue. Of a LATEST channel only the newest live message waits, at the place of the one that it displaced."""
+    """A queue. Of a LATEST channel only the newest live message waits, at the place of the one that it displaced.
 
-    def __init__(self, max_messages: int, max_bytes: int) -> None:
+    every  all of them wait, for whoever must miss none
+    """
+
+    def __init__(self, max_messages: int, max_bytes: int, every: bool = False) -> None:
+        self._every = every
         self._max_messages = max_messages
         self._max_bytes = max_bytes
         self._bytes = 0
@@ -40,16 +44,14 @@ class Inbox:
         displaced: list[Parcel] = []
         with self._changed:
             self._bytes += len(parcel.data)
-            slot = None
-            if parcel.channel.delivery is Delivery.LATEST and not parcel.envelope.replay:
-                slot = self._latest.get(parcel.key)
-                if slot is not None:
-                    displaced.append(slot.parcel)
-                    slot.parcel = parcel
-            if slot is None:
+            displaces = parcel.channel.delivery is Delivery.LATEST and not parcel.envelope.replay and not self._every
+            if displaces and (slot := self._latest.get(parcel.key)) is not None:
+                displaced.append(slot.parcel)
+                slot.parcel = parcel
+            else:
                 slot = _Slot(parcel)
                 self._queue.append(slot)
-                if parcel.channel.delivery is Delivery.LATEST and not parcel.envelope.replay:
+                if displaces:
                     self._latest[parcel.key] = slot
             self._bytes -= sum(len(gone.data) for gone in displaced)
             while len(self._queue) > 1 and (len(self._queue) > self._max_messages or self._bytes > self._max_bytes):
@@ -68,6 +70,10 @@ class Inbox:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
+
+    @property
+    def closed(self) -> bool:
+        return self._closed
 
     def __len__(self) -> int:
         return len(self._queue)

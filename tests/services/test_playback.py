@@ -83,7 +83,8 @@ stamps = st.lists(st.integers(0, 50), unique=True, min_size=3).map(lambda s: [x 
 def test_a_playback_whose_results_come_is_never_stuck(ticks_at: Any, frames_at: Any, ahead: Any) -> None:
     """Except over the first frames, which wait until both streams have begun."""
     begun = max(ticks_at[1], frames_at[1])
-    messages = sorted([*map(ticks, ticks_at), *map(frame, frames_at)], key=lambda m: (m.stamp_ns, isinstance(m, Frame)))
+    both: list[Message] = [*map(ticks, ticks_at), *map(frame, frames_at)]
+    messages = sorted(both, key=lambda m: (m.stamp_ns, isinstance(m, Frame)))
     consumers, credits = Consumers(), Credits(ahead)
     for message in messages:
         if isinstance(message, Frame) and message.stamp_ns > begun:
@@ -185,7 +186,9 @@ def recording(path: Path, messages: list[Message]) -> Recording:
 
 
 def test_in_a_loop_stamps_and_ticks_go_on_growing(tmp_path: Path) -> None:
-    messages = [m for i in range(10) for m in (ticks(SECOND + i * 100 * MS, 7 * i), frame(SECOND + i * 100 * MS + 5))]
+    messages: list[Message] = [
+        m for i in range(10) for m in (ticks(SECOND + i * 100 * MS, 7 * i), frame(SECOND + i * 100 * MS + 5))
+    ]
     part = player._Part(recording(tmp_path / "a.mcap", messages), Config(), None, None)
     played = [message for message, _ in zip(part.rounds(loop=True), range(60), strict=False)]
     all_stamps = [m.stamp_ns for m in played]
@@ -206,7 +209,7 @@ def test_a_part_of_a_recording_is_played(tmp_path: Path) -> None:
 
 
 def test_of_a_recording_without_frames_the_bearings_are_the_sensor(tmp_path: Path) -> None:
-    messages = [m for i in range(5) for m in (ticks(i * MS), bearings(i * MS))]
+    messages: list[Message] = [m for i in range(5) for m in (ticks(i * MS), bearings(i * MS))]
     part = player._Part(recording(tmp_path / "a.mcap", messages), Config(), None, None)
     assert [type(m) for m in part.rounds(loop=False)] == [Ticks, Bearings] * 5
 

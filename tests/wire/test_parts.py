@@ -64,10 +64,11 @@ def test_live_only_the_newest_frame_waits_and_the_displaced_are_given_back() -> 
     assert [gone.envelope.sequence for gone in displaced] == [0, 1, 2, 3]
 
 
-def test_of_a_playback_every_frame_waits() -> None:
-    inbox = Inbox(100, 10_000)
+@pytest.mark.parametrize(("replay", "every"), [(True, False), (False, True)])
+def test_of_a_playback_and_for_whoever_must_miss_none_every_frame_waits(replay: bool, every: bool) -> None:
+    inbox = Inbox(100, 10_000, every)
     for i in range(5):
-        assert inbox.put(parcel(FRAME, i, replay=True)) == []
+        assert inbox.put(parcel(FRAME, i, replay)) == []
     assert len(inbox) == 5
 
 

@@ -1,0 +1,88 @@
+"""The way of a message from zenoh's callback to the service's loop, and of a question to its answer.
+
+Knows zenoh's samples and queries by what they offer, not by name.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from omnivert.messages import Message
+from omnivert.wire.channels import Channel
+from omnivert.wire.codec import encode
+from omnivert.wire.envelope import Envelope
+from omnivert.wire.forms import WireError
+from omnivert.wire.inbox import Inbox, Parcel
+from omnivert.wire.meter import Meter
+from omnivert.wire.received import Received, message_of, opened
+
+
+def posted(channel: Channel, pattern: str, inbox: Inbox, meter: Meter, max_bytes: int) -> Callable[[Any], None]:
+    """The callback of a subscriber: copies the bytes out, and leaves."""
+
+    def post(sample: Any) -> None:
+        key = str(sample.key_expr)
+        name = key if len(key) <= 64 else pattern
+        try:
+            attachment = sample.attachment
+            envelope = Envelope.unpacked(attachment.to_bytes()) if attachment is not None else None
+            if len(sample.payload) > max_bytes:
+                meter.refused(f"{name}: too large")
+            elif envelope is None:
+                meter.refused(f"{name}: no envelope")
+            else:
+                meter.received(name, envelope)
+                for displaced in inbox.put(Parcel(channel, name, envelope, sample.payload.to_bytes())):
+                    meter.dropped(displaced.key)
+        except Exception as error:  # noqa: BLE001 - zenoh would only log it
+            meter.refused(f"{name}: {type(error).__name__} in the callback")
+
+    return post
+
+
+def taken(inbox: Inbox, meter: Meter, period_s: float) -> Iterator[Received | None]:
+    """The messages of an inbox until it is closed; None when nothing was given for `period_s`."""
+    due_s = time.monotonic() + period_s
+    while not inbox.closed:
+        parcel = inbox.take(max(due_s - time.monotonic(), 0.0))
+        received = _opened(parcel, meter) if parcel is not None else None
+        if received is not None or (time.monotonic() >= due_s and not inbox.closed):
+            yield received
+            due_s = time.monotonic() + period_s
+
+
+def _opened(parcel: Parcel, meter: Meter) -> Received | None:
+    try:
+        return opened(parcel)
+    except WireError as error:
+        meter.refused(f"{parcel.key}: {error.reason}")
+        return None
+
+
+def answered(key: str, answerer: Callable[[], Message | None], meter: Meter) -> Callable[[Any], None]:
+    """The callback of a queryable."""
+
+    def answer(query: Any) -> None:
+        with query:
+            try:
+                message = answerer()
+                if message is not None:
+                    query.reply(key, encode(message))
+            except Exception as error:  # noqa: BLE001 - the asker must hear of it, and zenoh would only log it
+                meter.refused(f"{key}: {type(error).__name__} in the answer")
+                query.reply_err(type(error).__name__)
+
+    return answer
+
+
+def newest_answer(replies: Any, key: str, channel: Channel, meter: Meter) -> Message | None:
+    """Of the replies to a question the one with the newest stamp."""
+    answers: list[Message] = []
+    for reply in replies:
+        try:
+            if reply.ok is None:
+                raise WireError("an answer failed")
+            answers.append(message_of(channel, reply.ok.payload.to_bytes()))
+        except WireError as error:
+            meter.refused(f"{key}: {error.reason}")
+    return max(answers, key=lambda answer: answer.stamp_ns, default=None)
