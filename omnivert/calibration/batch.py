@@ -49,7 +49,7 @@ class Result:
     def sum_sigma(self) -> float:
         """Sigma of phi + psi, rad."""
         both = np.array([1.0, 0.0, 1.0])
-        return float(np.sqrt(both @ self.covariance @ both))
+        return float(np.sqrt(both @ self.honest_covariance @ both))
 
     @property
     def excess(self) -> Array:
@@ -69,13 +69,16 @@ class Batch:
         self._prior_information = np.zeros((3, 3))
         self._prior_shown = np.zeros((3, 3))
         self._prior_centres: list[Piece] = []
+        self._centres: tuple[Piece, ...] | None = None  # of all keyframes; None when not known yet
         self._gap = 0.0
         self._searched = 0  # keyframes at the last global start
         self._searched_kinds = 0  # different centres of rotation in it
         self.keyframes = 0  # since the beginning
+        self.inlier_share = 1.0  # of the last solution, clear or not
 
     def append(self, motion: Motion, track: Index, beta: Array, std: Array) -> None:
         self._stretch.append(motion, track, beta, std)
+        self._centres = None
         self.keyframes += 1
 
     def solve(self) -> Result | None:
@@ -88,6 +91,7 @@ class Batch:
         solution = self._solution(posed)
         if solution is None:
             return None
+        self.inlier_share = solution.inlier_share()
         self._cartesian = solution.x.mount.copy()
         self._stretch.remember(posed, solution)
         result = self._result(posed, solution)
@@ -97,26 +101,18 @@ class Batch:
 
     def centres(self) -> tuple[Piece, ...]:
         """Clearly different centres of rotation so far, as the wheels tell."""
-        encoder = self._config.encoder
-        wheels = np.array([k.motion.wheels_m for k in self._stretch.keyframes[1:]]).reshape(-1, 2)
-        found = pieces(wheels, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick)
-        return tuple(centres(self._prior_centres + found))
+        if self._centres is None:
+            encoder = self._config.encoder
+            wheels = np.array([k.motion.wheels_m for k in self._stretch.keyframes[1:]]).reshape(-1, 2)
+            found = pieces(wheels, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick)
+            self._centres = tuple(centres(self._prior_centres + found))
+        return self._centres
 
     def cut_chain(self) -> None:
         """The way to what follows is unknown: what was learned becomes the prior, and a new stretch begins."""
         if self._stretch.keyframes:
             self._cut(len(self._stretch.keyframes))
         self._stretch = Stretch()
-
-    def forget(self) -> None:
-        """Nothing that was learned holds any more."""
-        self._stretch = Stretch()
-        self._cartesian = None
-        self._prior_information = np.zeros((3, 3))
-        self._prior_shown = np.zeros((3, 3))
-        self._prior_centres = []
-        self._gap = 0.0
-        self._searched = 0
 
     def _posed(self) -> Posed:
         settings = self._config.calibration
@@ -132,8 +128,9 @@ class Batch:
         kinds = len(self.centres())
         doubtful = found is None or self._gap < settings.clear_gap or found.inlier_share() < settings.clear_inliers
         growth = problem.frames / max(self._searched, 1)
+        due = growth >= (1.5 if kinds < 2 else 1.15 if doubtful else 1.35)  # one kind of motion has no clear solution
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
-        if kinds != self._searched_kinds or (doubtful and growth >= 1.15) or growth >= 1.35:
+        if due or kinds != self._searched_kinds:
             self._searched, self._searched_kinds = problem.frames, kinds
             start = started(problem, settings.max_rho_m, 4, settings.start_keyframes, settings.start_lines)
             if start is not None:
@@ -248,4 +245,5 @@ class Batch:
             self._prior_centres += centres(found)
         self._stretch.keyframes += rest
         self._stretch.drop_first(count)
+        self._centres = None
         self._searched = len(rest)

@@ -47,6 +47,7 @@ class Rules:
     inverse: bool = True  # 1/D and exact motion, or D and first order as printed
     base_m: float = 0.4  # first order only: wheel base, and K with its factor
     noise_k_m: float = 2e-4
+    enters: bool = True  # new lines enter here; else only with the next seed
     start: float = 0.45  # of a new line, 1/m or m
     start_std: float = 0.35
     gate: float = 3.5  # sigmas of an innovation given all others
@@ -95,6 +96,11 @@ class Filter:
             return block.copy()
         turned = np.diag([1.0, -1.0, 1.0])
         return np.asarray(turned @ block @ turned)
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether state and variances are still numbers that can be."""
+        return bool(np.isfinite(self.x).all() and np.isfinite(self.P).all() and (np.diag(self.P) > 0.0).all())
 
     def seed(self, mount: Array, lines: Array, covariance: Array, tracks: list[int]) -> None:
         """Everything anew: mount (3,), lines (N, 2) as the layout holds them, their joint covariance in its order."""
@@ -157,7 +163,7 @@ class Filter:
         seen = set(accepted.tolist())
         self._unseen = [0 if k in seen else n + 1 for k, n in enumerate(self._unseen)]
         self._leave()
-        room = self.rules.most_lines - len(self.tracks)
+        room = self.rules.most_lines - len(self.tracks) if self.rules.enters else 0
         entering = fresh[: max(room, 0)]
         if entering:
             self._enter(track[entering], beta[entering], std[entering])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration.problem import Index, Problem
+from omnivert.calibration.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -183,12 +183,6 @@ def cost(problem: Problem, x: Unknowns, information: Array) -> float:
         + gap @ problem.prior_information @ gap
         + np.sum((x.w / W_STD) ** 2)
     )
-
-
-def places(x: Unknowns, lines: Index) -> Array:
-    """Lines in the world, (N, 2) m; those at infinity very far away."""
-    w = np.maximum(x.w[lines], 1e-4)
-    return x.anchor[lines] + np.stack([np.cos(x.u[lines]), np.sin(x.u[lines])], axis=1) / w[:, None]
 
 
 def _mount_gap(mean: Array, mount: Array) -> Array:

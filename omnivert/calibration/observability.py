@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from omnivert.angles import wrap
-from omnivert.calibration.normal import Unknowns, normal, places, sights
+from omnivert.calibration.normal import Unknowns, normal, sights
 from omnivert.calibration.problem import Problem, dead_reckoned
 from omnivert.calibration.smoother import Solution
 from omnivert.odometry import arc
 
 Array = NDArray[np.float64]
 
+CAUTION = 2.0  # sigmas by which lines count as farther than they are found
 BRIDGE = 1.7  # a Brownian bridge of unit variance exceeds this in 1 of 160 cases
 
 
@@ -50,9 +51,14 @@ def pieces(wheels: Array, base: float, noise_k: float, tick_m: float) -> list[Pi
     found: list[Piece] = []
     first = 0
     while first < wheels.shape[0]:
-        last = first + 1
-        while last < wheels.shape[0] and _one_ratio(wheels[first : last + 1], noise_k, tick_m):
-            last += 1
+        # How far one ratio holds, by doubling and halving: a step at a time would be slow on a long way.
+        last, reach = first + 1, 1
+        while reach and last < wheels.shape[0]:
+            trial = min(last + reach, wheels.shape[0])
+            if _one_ratio(wheels[first:trial], noise_k, tick_m):
+                last, reach = trial, 2 * reach
+            else:
+                reach //= 2
         part = wheels[first:last]
         right, left = part.sum(axis=0)
         found.append(
@@ -87,23 +93,18 @@ def nominal_information(problem: Problem, solution: Solution, step: Array) -> Ar
     """Information (3, 3) on eta, cx, cy, had the robot driven the increments `step` among the same lines."""
     pose = dead_reckoned(step)
     x = solution.x
-    lines = np.arange(x.u.size)
     order = np.argsort(problem.line, kind="stable")
-    bounds = np.searchsorted(problem.line[order], np.arange(lines.size + 1))
+    bounds = np.searchsorted(problem.line[order], np.arange(x.u.size + 1))
     middle = problem.frame[order[np.minimum((bounds[:-1] + bounds[1:]) // 2, order.size - 1)]]
     old, new = x.pose[middle], pose[middle]
     turn = new[:, 2] - old[:, 2]
+    # A far line's distance is fitted to noise, and would then seem to show parallax: it counts as far as it may be.
+    w = np.maximum(x.w - CAUTION * solution.inverse_distance_std(), 0.0)
+    sight = np.stack([np.cos(x.u), np.sin(x.u)], axis=1) + w[:, None] * (x.anchor - old[:, :2])
     c, s = np.cos(turn), np.sin(turn)
-    off = places(x, lines) - old[:, :2]
-    place = new[:, :2] + np.stack([c * off[:, 0] - s * off[:, 1], s * off[:, 0] + c * off[:, 1]], axis=1)
-    sight = place - new[:, :2]
-    anchored = Unknowns(
-        pose,
-        x.mount,
-        new[:, :2].copy(),
-        np.arctan2(sight[:, 1], sight[:, 0]),
-        1.0 / np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1e-3),
-    )
+    length = np.hypot(sight[:, 0], sight[:, 1])
+    direction = np.arctan2(s * sight[:, 0] + c * sight[:, 1], c * sight[:, 0] - s * sight[:, 1])
+    anchored = Unknowns(pose, x.mount, new[:, :2].copy(), direction, w / length)
     n = normal(
         problem,
         anchored,

@@ -33,6 +33,13 @@ class Solution:
         factor = cho_factor(m[:-3, :-3])
         return np.asarray(m[-3:, -3:] - m[-3:, :-3] @ cho_solve(factor, m[:-3, -3:]))
 
+    def inverse_distance_std(self) -> Array:
+        """(L,) 1/m, all else unknown; first pose fixed."""
+        n = self.normal
+        through = np.einsum("pli,li->pl", n.coupling[3:], n.line_inverse[:, :, 1])
+        shared = np.sum(through * cho_solve(cho_factor(n.matrix[3:, 3:]), through), axis=0)
+        return np.asarray(np.sqrt(n.line_inverse[:, 1, 1] + shared))
+
 
 def mixture(error: Array, std: Array) -> tuple[Array, Array]:
     """Bearings are Gaussian, or point anywhere: chance of the former (M,), and -2 log likelihood (M,)."""

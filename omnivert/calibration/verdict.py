@@ -69,19 +69,20 @@ def verdict(shown: Shown, limits: Calibration, before: State) -> Verdict:
         states[0] = states[2] = State.USABLE
     parameters = []
     for k, state in enumerate(states):
-        reason = ""
-        if state is not State.CALIBRATED:
-            is_text = f"{1e3 * sigma[1]:.2g} mm" if k == 1 else _degrees(float(sigma[k]))
-            limit_text = f"{1e3 * limit[1]:.3g} mm" if k == 1 else f"{limits.sigma_limit_deg:g} deg"
-            reason = poor or ("because the two halves of the drive do not agree about it" if split else "")
-            reason = (
-                reason or f"sigma {is_text} is above the limit of {limit_text}{_with(k, shown.covariance, sum_known)}"
-            )
+        reason = "" if state is State.CALIBRATED else poor or _why(k, shown, sigma, limit, split, sum_known)
         parameters.append(ParameterVerdict(state, reason))
     order = (State.NOT_YET, State.USABLE, State.CALIBRATED)
     overall = min(states, key=order.index)
     todo = "" if overall is State.CALIBRATED else manoeuvre or TURN_AND_DRIVE
     return Verdict(overall, parameters[0], parameters[1], parameters[2], todo)
+
+
+def paper_verdict() -> Verdict:
+    """The filter as printed is shown, never claimed: its sigmas hold only where D of every line is known to 10 %."""
+    reason = (
+        "because the filter as printed (mode paper) needs each line's distance to about 10 % for its sigmas to hold"
+    )
+    return _all(State.NOT_YET, reason, "")
 
 
 def _state(sigma: float, limit: float, one_motion: bool) -> State:
@@ -116,8 +117,19 @@ def _one_motion(shown: Shown, sum_known: str) -> tuple[str, str]:
     )
 
 
-def _with(parameter: int, covariance: Array, sum_known: str) -> str:
-    if parameter == 1:
+def _why(k: int, shown: Shown, sigma: Array, limit: Array, split: bool, sum_known: str) -> str:
+    """Why parameter k is seen, but not claimed."""
+    if split:
+        return "because the two halves of the drive do not agree about it"
+    if sigma[k] <= limit[k]:
+        return "because it depends on the others, which are not known well enough"
+    is_text = f"{1e3 * sigma[k]:.2g} mm" if k == 1 else _degrees(float(sigma[k]))
+    limit_text = f"{1e3 * limit[k]:.3g} mm" if k == 1 else f"{np.degrees(limit[k]):.3g} deg"
+    return f"sigma {is_text} is above the limit of {limit_text}{_with(k, shown.covariance, sum_known)}"
+
+
+def _with(parameter: int, covariance: Array | None, sum_known: str) -> str:
+    if parameter == 1 or covariance is None:
         return ""
     correlation = covariance[0, 2] / np.sqrt(covariance[0, 0] * covariance[2, 2])
     return f"; the sum of phi and psi is seen better{sum_known}" if correlation < -0.9 else ""

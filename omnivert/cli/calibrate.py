@@ -112,7 +112,7 @@ def drive(outcome: Outcome) -> str:
 def refusal(outcome: Outcome) -> DataError:
     """Why this drive does not allow a result, as the verdict saw it, and what to drive instead."""
     last = outcome.last
-    reasons = [*last.reasons, *(part.reason for part in (last.phi, last.psi, last.rho) if part.reason)]
+    reasons = [*(part.reason for part in (last.phi, last.psi, last.rho) if part.reason), *last.reasons]
     because = "; ".join(dict.fromkeys(reason.removeprefix("because ") for reason in reasons[:3]))
     turned = math.degrees(last.turned_rad)
     again = f"{last.next_manoeuvre.rstrip('.')}, then run this again" if last.next_manoeuvre else ""

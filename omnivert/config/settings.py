@@ -175,6 +175,8 @@ class Calibration(Section):
     """rho is calibrated when its sigma is below this."""
     bearing_floor_deg: float = Field(0.05, gt=0.0, le=10.0)
     """No bearing is believed to be better than this."""
+    invalid_inliers: float = Field(0.7, ge=0.0, le=1.0)
+    """When the best solution explains less than this share of the bearings, data and model contradict each other."""
     keyframe_step_m: float = Field(0.03, gt=0.0, le=10.0)
     """Bearings count again after this way, or after `keyframe_turn_deg`: a robot that stands learns nothing new."""
     keyframe_turn_deg: float = Field(2.0, gt=0.0, le=90.0)
@@ -223,7 +225,7 @@ class Player(Section):
 
     frames_ahead: int = Field(4, ge=1, le=1000)
     """Frames that may be on their way before the player waits for a result."""
-    patience_s: float = Field(10.0, ge=0.1, le=3600.0)
+    patience_s: float = Field(30.0, ge=0.1, le=3600.0)
     """Without a result for so long, the frames on their way are counted as lost, and the playback goes on."""
     comeback_s: float = Field(20.0, ge=0.0, le=3600.0)
     """How long a playback waits for a service that has gone."""

@@ -23,7 +23,7 @@ def line_bearings(lines: Array, pose: Array, mount: Array = MOUNT) -> Array:
     x, y, heading = pose
     camera = np.array([x + rho * np.cos(heading + phi), y + rho * np.sin(heading + phi)])
     sight = lines - camera
-    return wrap(np.arctan2(sight[:, 1], sight[:, 0]) - heading - phi - psi)
+    return np.asarray(wrap(np.arctan2(sight[:, 1], sight[:, 0]) - heading - phi - psi))
 
 
 def step_of(right: float, left: float) -> Motion:

@@ -1,5 +1,7 @@
 """The paper's equations against their meaning: world coordinates, slopes, limits."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,13 +20,13 @@ lengths = st.floats(0.05, 0.8)
 distances = st.floats(1.0, 30.0)
 
 
-def slope(function: object, at: Array, width: float = 1e-6) -> Array:
+def slope(function: Callable[[Array], Array], at: Array, width: float = 1e-6) -> Array:
     """Central differences, one column an argument."""
     columns = []
     for i in range(at.size):
         step = np.zeros(at.size)
         step[i] = width
-        columns.append((function(at + step) - function(at - step)) / (2.0 * width))  # type: ignore[operator]
+        columns.append((function(at + step) - function(at - step)) / (2.0 * width))
     return np.stack(columns, axis=-1)
 
 
@@ -140,7 +142,7 @@ def test_polar_and_cartesian_mounts_are_inverse_with_inverse_slopes(phi: float, 
 
 
 def lie_rank(state: Array, straight: bool, turning: bool) -> int:
-    """Rank of the Lie derivatives of h along the allowed motions, to the fourth order, by nested differences."""
+    """Rank of what bearings along the allowed motions show: that of the Lie derivatives of h, taken together."""
 
     def h(x: Array) -> float:
         # Without wrapping: sin and cos of eq. 27 are smooth where the angle itself jumps.
@@ -151,20 +153,19 @@ def lie_rank(state: Array, straight: bool, turning: bool) -> int:
         w, heading, _, _ = model.moved_exactly(1.0 / x[:1], x[1:2], step)
         return np.array([1.0 / w[0], heading[0], x[2], x[3], x[4]])
 
-    motions = []
-    if straight:
-        motions.append((0.3, 0.0))
-    if turning:
-        motions.append((0.0, 0.6))
-    rows = [lambda x: h(x)]
-    for first in motions:
-        for second in motions:
-            for k in (-2, -1, 1, 2):
-                for m in (0, 1, 2):
-                    rows.append(
-                        lambda x, a=first, b=second, k=k, m=m: h(flow(flow(x, k * a[0], k * a[1]), m * b[0], m * b[1]))
-                    )
-    jacobian = np.array([slope(row, state, 1e-5) for row in rows])
+    motions = [(0.3, 0.0)] * straight + [(0.0, 0.6)] * turning
+
+    def seen(x: Array) -> Array:
+        """h before and after many motions: what all Lie derivatives together tell."""
+        sights = [h(x)]
+        for first in motions:
+            for second in motions:
+                for k in (-2, -1, 1, 2):
+                    for m in (0, 1, 2):
+                        sights.append(h(flow(flow(x, k * first[0], k * first[1]), m * second[0], m * second[1])))
+        return np.array(sights)
+
+    jacobian = slope(seen, state, 1e-5)
     jacobian = jacobian * np.array([1.0, 1.0, 1.0, 0.2, 1.0])
     values = np.linalg.svd(jacobian, compute_uv=False)
     return int(np.sum(values > 1e-6 * values[0]))

@@ -105,7 +105,7 @@ def test_joint_covariance_is_that_of_the_full_inverse() -> None:
     )
 
 
-@pytest.mark.parametrize(("path", "seed"), [("paper", 2), ("paper", 8), ("alternate", 1), ("alternate", 14)])
+@pytest.mark.parametrize(("path", "seed"), [("paper", 8), ("alternate", 1)])
 def test_the_start_needs_no_guess_and_ends_where_the_truth_leads(path: str, seed: int) -> None:
     config = Config()
     drive = recorded(Scene(path=path), config, seed)  # type: ignore[arg-type]

@@ -8,6 +8,7 @@ from omnivert.calibration import model
 from omnivert.config import Config
 from omnivert.messages import Bearings, Ticks
 from omnivert.simulation.recording import Scene, recorded
+from omnivert.simulation.robot import drive
 
 
 def test_a_seed_gives_the_same_drive_again() -> None:
@@ -26,14 +27,14 @@ def test_messages_are_in_the_order_of_their_stamps() -> None:
 
 
 def test_bearings_are_those_of_the_model_within_their_noise() -> None:
-    drive = recorded(Scene(path="alternate"), Config(), 7)
-    frames = [m for m in drive.messages if isinstance(m, Bearings)]
+    trip = recorded(Scene(path="alternate"), Config(), 7)
+    frames = [m for m in trip.messages if isinstance(m, Bearings)]
     errors = []
-    for frame, pose, good in zip(frames, drive.pose, drive.inlier, strict=True):
+    for frame, pose, good in zip(frames, trip.pose, trip.inlier, strict=True):
         for track, beta, inlier in zip(frame.track_id.tolist(), frame.bearing_rad.tolist(), good.tolist(), strict=True):
-            off = pose[:2] - drive.line_of_track[track]
+            off = pose[:2] - trip.line_of_track[track]
             theta = np.array([pose[2] - np.arctan2(off[1], off[0])])
-            told = model.bearing(np.array([np.hypot(*off)]), theta, *drive.mount)[0]
+            told = model.bearing(np.array([np.hypot(*off)]), theta, *trip.mount)[0]
             if inlier:
                 errors.append(wrap(beta - told))
     assert np.std(errors) == pytest.approx(0.003, rel=0.1)
@@ -41,8 +42,8 @@ def test_bearings_are_those_of_the_model_within_their_noise() -> None:
 
 
 def test_outliers_are_as_many_as_asked_for() -> None:
-    drive = recorded(Scene(outliers=0.2), Config(), 3)
-    assert np.mean(~np.concatenate(drive.inlier)) == pytest.approx(0.2, abs=0.04)
+    trip = recorded(Scene(outliers=0.2), Config(), 3)
+    assert np.mean(~np.concatenate(trip.inlier)) == pytest.approx(0.2, abs=0.04)
 
 
 @pytest.mark.parametrize(
@@ -59,6 +60,7 @@ def test_the_encoders_tell_the_commanded_way(path: str, way: float, turn: float)
 
 def test_wheel_noise_is_that_of_the_configuration() -> None:
     config = Config()
-    ends = np.array([recorded(Scene(path="straight", lines=1), config, seed).pose[-1] for seed in range(60)])
-    expected = np.sqrt(2.0 * config.encoder.noise_k_m * 6.0) / config.robot.wheel_base_m
+    base, k = config.robot.wheel_base_m, config.encoder.noise_k_m
+    ends = np.array([drive("paper", base, k, 0.2, np.random.default_rng(seed), 0.5).pose[-1] for seed in range(60)])
+    expected = np.sqrt(k * (2.0 * 3.3 + np.pi * base)) / base
     assert np.std(ends[:, 2]) == pytest.approx(expected, rel=0.25)

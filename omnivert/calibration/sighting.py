@@ -1,0 +1,41 @@
+"""One frame's bearings, cleaned."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.angles import wrap
+from omnivert.messages import Bearings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """Finite bearings of different tracks, in the order of the tracks."""
+
+    stamp_ns: int
+    track: NDArray[np.int64]
+    beta: Array  # rad
+    std: Array  # rad
+    reasons: tuple[str, ...]
+
+
+def clean_sighting(bearings: Bearings, floor: float) -> tuple[Sighting, int]:
+    """The usable bearings of a frame, none believed better than `floor` (rad); and how many were not usable."""
+    track, beta, std = bearings.track_id, bearings.bearing_rad, bearings.std_rad
+    names, count = np.unique(track, return_counts=True)
+    good = np.isfinite(beta) & np.isfinite(std) & (std > 0.0) & ~np.isin(track, names[count > 1])
+    order = np.flatnonzero(good)
+    order = order[np.argsort(track[order], kind="stable")]
+    return (
+        Sighting(
+            bearings.stamp_ns,
+            track[order],
+            wrap(beta[order]),
+            np.maximum(std[order], floor),
+            tuple(bearings.reasons[:12]),
+        ),
+        int((~good).sum()),
+    )
