@@ -15,8 +15,8 @@ from omnivert.pictures.words import Quantity, colour, quantities, word
 Axes = Any  # matplotlib has no types
 Truth = tuple[float, float, float]  # phi, rho, psi; rad, m, rad
 
-SIZE_IN = (16.0, 9.2)
-DPI = 110
+SIZE_IN = (16.0, 9.25)
+DPI = 120
 LINES = ("#2f6690", "#c06c2b", "#6a4c93")  # phi, rho, psi
 LABELS = ("φ, deg", "ρ, m", "ψ, deg")
 
