@@ -11,6 +11,7 @@ from omnivert.wire.envelope import Envelope
 _MAX_KEYS = 200  # distinct keys, and reasons, that are counted apart
 _MAX_SPEAKERS = 1000  # publishers whose sequence numbers are remembered
 _OTHERS = "others"
+_LONGEST_NS = 3600 * 10**9  # a longer latency is a wrong time
 
 
 class Meter:
@@ -64,18 +65,20 @@ class Meter:
 
     def refused(self, reason: str, times: int = 1) -> None:
         with self._lock:
-            _count(self._refused, reason[:1000], times)
+            _count(self._refused, _sendable(reason), times)
 
     def latency(self, duration_ns: int) -> None:
-        with self._lock:
-            self._latencies_ns.append(duration_ns)
+        """Counts a duration that can be one: the envelope that it comes from may hold any time."""
+        if 0 <= duration_ns <= _LONGEST_NS:
+            with self._lock:
+                self._latencies_ns.append(duration_ns)
 
     def note(self, text: str | None, about: str) -> None:
         with self._lock:
             if text is None:
                 self._notes.pop(about, None)
             else:
-                self._notes[about] = text[:1000]
+                self._notes[about] = _sendable(text)
 
     def health(self, now_ns: int) -> Health:
         with self._lock:
@@ -96,6 +99,11 @@ class Meter:
                 latency_p99_ms=float(np.percentile(latencies_ms, 99)) if latencies_ms.size else None,
                 notes=tuple(self._notes.values())[:16],
             )
+
+
+def _sendable(text: str) -> str:
+    """The text as a health message can carry it: file names and paths may hold bytes that are no UTF-8."""
+    return text.encode(errors="replace").decode()[:1000]
 
 
 def _count(counter: Counter[str], name: str, times: int = 1) -> None:

@@ -1,4 +1,4 @@
-"""What zenoh is told: a closed door, short waits, room for a burst."""
+"""What zenoh is told: a closed door, short waits, room for a burst; and what it says when it cannot go on."""
 
 from typing import Any
 
@@ -35,6 +35,11 @@ def router_settings(config: Config) -> dict[str, Any]:
         "mode": "router",
         "listen/endpoints": [config.bus.endpoint, *config.bus.listen],
     }
+
+
+def reason_from_error(error: Exception) -> str:
+    """Zenoh's reason in one line, without the place in its sources."""
+    return str(error).partition("\n")[0].partition(" at /")[0]
 
 
 def _common_settings(config: Config) -> dict[str, Any]:

@@ -144,6 +144,22 @@ def test_latency_is_told_as_percentiles() -> None:
     assert found.latency_p99_ms == pytest.approx(99.01)
 
 
+@pytest.mark.parametrize("duration_ns", [2**63, 10**16, -1])
+def test_a_time_that_cannot_be_is_no_latency(duration_ns: int) -> None:
+    meter = Meter("vision", "front", 0)
+    meter.latency(duration_ns)
+    assert health(meter).latency_p99_ms is None
+
+
+def test_texts_with_bytes_that_are_no_utf8_can_be_sent() -> None:
+    meter = Meter("vision", "front", 0)
+    name = b"frame\xff.png".decode(errors="surrogateescape")
+    meter.refused(f"camera: {name}")
+    meter.note(f"camera: {name}", "camera")
+    found = health(meter)
+    assert (list(found.refused), found.notes) == (["camera: frame?.png"], ("camera: frame?.png",))
+
+
 def test_a_note_stays_until_it_is_taken_back() -> None:
     meter = Meter("vision", "front", 0)
     meter.note("dark", "camera")
