@@ -3,8 +3,9 @@
 import argparse
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
 from rich.live import Live
@@ -28,8 +29,12 @@ HEARD = (
 )
 
 
-def run(bus: Bus, config: Config, once: bool = False) -> None:
-    """Show the state until the bus stops, or once after two seconds."""
+def run(bus: Bus, config: Config, once: bool = False, tell: Callable[[dict[str, Any]], None] | None = None) -> None:
+    """Show the state until the bus stops, or once after two seconds.
+
+    tell  is told that one state as plain values; nothing is shown then
+    """
+    once = once or tell is not None
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=100)
@@ -49,6 +54,9 @@ def run(bus: Bus, config: Config, once: bool = False) -> None:
                 continue
             shown = now
             view.present(bus.present())
+            if tell is not None:
+                tell(view.json())
+                return
             if once:
                 console.print(view.screen(now))
                 return

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption, settings
+from omnivert.cli import say
+from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, JsonOption, RobotOption, settings
 
 
 def monitor(
@@ -13,6 +14,7 @@ def monitor(
     robot: RobotOption = None,
     connect: ConnectOption = None,
     once: Annotated[bool, typer.Option("--once", help="Print one screen after two seconds and stop.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Watch a robot: the estimates with their sigmas, what to drive next, every service's health."""
     from omnivert.wire.bus import Bus
@@ -20,4 +22,4 @@ def monitor(
 
     chosen = settings(config, robot, connect)
     with Bus(chosen, "monitor", f"m{os.getpid()}", patience_s=PATIENCE_S) as bus:
-        run(bus, chosen, once)
+        run(bus, chosen, once, say.json_result if as_json else None)

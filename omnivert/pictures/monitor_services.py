@@ -2,12 +2,14 @@
 
 from collections import deque
 from itertools import pairwise
+from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
 from omnivert.config import Config
 from omnivert.messages import Estimate, Health, Message, Playback, Receipt
+from omnivert.pictures.plain import plain
 
 ORDER = ("bridge", "player", "vision", "calibration", "storage", "recorder")
 WITH_FRAMES = ("bridge", "vision", "calibration")  # they should go at the camera's rate
@@ -50,6 +52,14 @@ class Services:
                 beats.append((now_s, message))
             case _:
                 pass
+
+    def json(self) -> list[dict[str, Any]]:
+        """Whoever is there or was heard, each with its newest health message."""
+        newest = {name: plain(beats[-1][1]) for name, beats in self._health.items() if beats}
+        return [
+            {"service": name[0], "instance": name[1], "present": name in self.present, "health": newest.get(name)}
+            for name in sorted(self.present | newest.keys())
+        ]
 
     def table(self, now_s: float) -> Table:
         """One row for each service that is there or should be."""

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -21,6 +22,7 @@ from omnivert.messages import (
     State,
 )
 from omnivert.pictures.monitor_services import Services
+from omnivert.pictures.plain import plain
 from omnivert.pictures.words import Quantity, colour, quantities, word
 
 BARS = "▁▂▃▄▅▆▇█"
@@ -91,6 +93,18 @@ class View:
             Text(""),
             self._footer(),
         )
+
+    def json(self) -> dict[str, Any]:
+        """The whole state as plain values."""
+        estimate = None if self._estimate is None else self._estimate[1]
+        return {
+            "robot": self._config.robot.id,
+            "camera": self._config.camera.id,
+            "state": State.WAITING.value if estimate is None else estimate.state.value,
+            "estimate": plain(estimate),
+            "stored": None if self._stored is None else plain(self._stored[1]),
+            "services": self._services.json(),
+        }
 
     def _stale(self, age_s: float) -> bool:
         return age_s > max(3.0 * self._period_s, 1.0)
