@@ -33,11 +33,11 @@ def run(bus: Bus, config: Config, exit_when_done: bool = False) -> None:
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what is wrong with a camera stands in health
     stop, finished, frames = threading.Event(), threading.Event(), Newest[Frame]()
     broken: list[Exception] = []
+    silence = Silence(bus, "camera", config.camera.source, config.camera.silent_after_s)
     readers = [
         _reader("encoder", lambda: read_encoder(bus, config, stop), bus, broken),
-        _reader("camera", lambda: read_camera(bus, config, stop, frames, finished), bus, broken),
+        _reader("camera", lambda: read_camera(bus, config, stop, frames, finished, silence), bus, broken),
     ]
-    silence = Silence(bus, "camera", config.camera.source, config.camera.silent_after_s)
     displaced = 0
     while not bus.stopped:
         done = finished.is_set()
@@ -84,19 +84,23 @@ def read_encoder(bus: Bus, config: Config, stop: threading.Event) -> None:
 
 
 def read_camera(
-    bus: Bus, config: Config, stop: threading.Event, frames: Newest[Frame], finished: threading.Event
+    bus: Bus,
+    config: Config,
+    stop: threading.Event,
+    frames: Newest[Frame],
+    finished: threading.Event,
+    silence: "Silence",
 ) -> None:
     """The camera's frames into `frames`, what happens to it into health."""
-    source = config.camera.source
     patient = can_wait(config.camera)
     for event in camera_events(config.camera, stop):
         match event:
             case Frame():
                 frames.put(event, patient=patient)
             case Opened():
-                bus.note(None, "camera")
+                silence.device(None)
             case Lost(reason):
-                bus.note(f"camera: {source} {reason}", "camera")
+                silence.device(reason)
             case Refused(reason):
                 bus.refuse(f"camera: {reason}")
             case Finished():

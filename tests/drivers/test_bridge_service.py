@@ -10,6 +10,7 @@ import tty
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -17,7 +18,9 @@ import numpy as np
 import pytest
 
 from omnivert.config import Config, parsed
+from omnivert.drivers.device import Lost
 from omnivert.drivers.line_protocol import Sample, line_from_sample
+from omnivert.drivers.newest import Newest
 from omnivert.errors import UseError
 from omnivert.messages import Frame, Health, Message, Ticks
 from omnivert.wire.bus import Bus, Received, Router
@@ -191,6 +194,20 @@ def test_a_silent_encoder_and_one_that_sends_rubbish_are_named(bridged: Bridged,
     bridged.begin()
     heard(stream, note("is open and has given nothing usable"))
     heard(stream, no_note("nothing usable"), encoder.send)
+
+
+def test_a_camera_that_is_away_is_not_said_to_be_open(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes: dict[str, str | None] = {}
+    bus: Any = SimpleNamespace(note=lambda text, about: notes.update({about: text}))
+    silence = bridge.Silence(bus, "camera", "images", after_s=-1.0)  # whatever is silent has been so for too long
+    monkeypatch.setattr(bridge, "camera_events", lambda *_: [Lost("is not there")])
+    bridge.read_camera(bus, config, threading.Event(), Newest(), threading.Event(), silence)
+    silence.step(heard=False)
+    assert notes == {"camera": "camera: images is not there", "camera silence": None}
+    silence.device(None)
+    silence.step(heard=False)
+    assert notes["camera"] is None
+    assert "is open and has given nothing usable" in str(notes["camera silence"])
 
 
 def test_images_of_another_size_are_published_as_they_are_and_noted(bridged: Bridged, config: Config) -> None:
