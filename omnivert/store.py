@@ -239,11 +239,10 @@ class Store:
         what = f"the store {self.path} cannot {doing}"
         if _code(error) in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             because = f"another program has had it locked for {self._locked_s:g} s"
-            return StoreError("OV601", what, because, f"fuser {self.path}   shows who")
+            return StoreError("OV601", what, because, f"fuser {self.path}   # shows who")
         if _is_corrupt(error):
-            return StoreError(
-                "OV603", what, f"it is damaged ({error})", "omnivert up   sets it aside, begins a new one"
-            )
+            help = "omnivert up --config robot.toml   # sets it aside, begins a new one"
+            return StoreError("OV603", what, f"it is damaged ({error})", help)
         return StoreError("OV602", what, str(error), "set storage.path to a file in a folder that you may write")
 
     def _check_in_place(self) -> None:

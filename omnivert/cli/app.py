@@ -22,7 +22,7 @@ from omnivert.cli import (
     track,
     up,
 )
-from omnivert.errors import OmnivertError, UseError
+from omnivert.errors import DataError, OmnivertError, UseError
 
 app = typer.Typer(
     add_completion=True,
@@ -76,6 +76,8 @@ def run(arguments: Sequence[str]) -> int:
         return _refused(error, arguments)
     except WRONG_USE as error:
         return _refused(_use_error(error), arguments)
+    except OSError as error:  # whatever path or stream it was that a command did not expect to fail
+        return _refused(_broken_world(error), arguments)
     except (KeyboardInterrupt, typer.Abort):
         return 130
     return code if isinstance(code, int) else 0
@@ -86,6 +88,11 @@ def _refused(error: OmnivertError, arguments: Sequence[str]) -> int:
         say.json_result({"error": say.refusal_json(error)})
     say.refuse(error)
     return error.exit_code
+
+
+def _broken_world(error: OSError) -> DataError:
+    place = f" {error.filename}" if error.filename is not None else ""
+    return DataError("OV210", f"the system refuses{place}", error.strerror or str(error), "omnivert explain OV210")
 
 
 def _use_error(error: Exception) -> UseError:

@@ -10,7 +10,16 @@ import typer
 from omnivert.cli import results, say
 from omnivert.cli.drawn import drawn_frame
 from omnivert.cli.given import Given
-from omnivert.cli.settings import ConfigOption, JsonOption, ModeOption, RecordingArgument, opened, settings, title
+from omnivert.cli.settings import (
+    ConfigOption,
+    JsonOption,
+    ModeOption,
+    RecordingArgument,
+    check_outputs,
+    opened,
+    settings,
+    title,
+)
 from omnivert.cli.settings import with_mode as in_mode
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, State
@@ -46,6 +55,7 @@ def calibrate(
     """Calibrate from a recording: where does the camera sit?"""
     chosen = in_mode(settings(config), mode)
     source = opened(recording)
+    check_outputs(source, picture)
     given = Given.of(source)
     say.story(f"[cyan]given[/]   {title(recording)}  {given}")
     rig = source.config(chosen)

@@ -131,7 +131,9 @@ def _found(
     wanted = who if number is None else f"entry {number}"
     names = ", ".join(f"{entry.extrinsics.robot}/{entry.extrinsics.camera}" for entry in others)
     because = f"it holds {names}" if names else "it is empty"
-    raise DataError("OV607", f"nothing is stored for {wanted} in {where}", because, "omnivert extrinsics list")
+    raise DataError(
+        "OV607", f"nothing is stored for {wanted} in {where}", because, f"omnivert extrinsics list --store {where}"
+    )
 
 
 def _table(entries: list["Entry"], as_json: bool) -> None:

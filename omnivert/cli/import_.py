@@ -7,6 +7,7 @@ import typer
 
 from omnivert.cli import say
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
+from omnivert.errors import UseError
 
 app = typer.Typer(help="Turn other people's files into a recording.")
 
@@ -26,6 +27,8 @@ def frames(
     """Images, encoders and optional scans of a folder -> a recording. Nothing half-written is left."""
     from omnivert.formats.frames_import import import_frames
 
+    if output.exists():
+        raise UseError("OV208", f"{output} exists already", "a recording is never overwritten", "choose another name")
     with say.progress("importing", None) as bar:
         counts = import_frames(folder, output, settings(config), bar.reach).counts
     size = output.stat().st_size

@@ -84,10 +84,31 @@ def recording_path(name: str) -> Path:
         names = [PACKAGED, *sorted(str(file) for file in folder.glob("*.mcap"))]
         near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
         hint = (
-            f"did you mean {' or '.join(near)}?" if near else "omnivert calibrate corridor   (the packaged recording)"
+            f"did you mean {' or '.join(near)}?" if near else "omnivert calibrate corridor   # the packaged recording"
         )
         raise UseError("OV321", f"no recording {name}", "there is no such file", hint)
     return path
+
+
+def check_outputs(source: "Recording", *outputs: Path | None) -> None:
+    """Before long work: whether its results will find their place.
+
+    raises  UseError when one would overwrite the recording, DataError when one cannot be written
+    """
+    for path in outputs:
+        if path is None:
+            continue
+        try:
+            if path.exists() and path.samefile(source.path):
+                because = "a recording is never overwritten"
+                raise UseError("OV208", f"{path} is the recording itself", because, "choose another name")
+            new = not path.exists()
+            if new or path.is_file() or path.is_dir():  # to open a pipe would be heard at its other end
+                path.open("ab").close()
+            if new:
+                path.unlink()
+        except OSError as error:
+            raise DataError("OV322", f"cannot write {path}", error.strerror or str(error)) from error
 
 
 def title(name: str) -> str:

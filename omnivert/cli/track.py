@@ -14,6 +14,7 @@ from omnivert.cli.settings import (
     JsonOption,
     ModeOption,
     RecordingArgument,
+    check_outputs,
     opened,
     settings,
     title,
@@ -46,6 +47,7 @@ def track(
     frames = count(source, FRAME)
     if not frames:
         raise DataError("OV101", f"there are no frames in {title(recording)}", "the lines come from them")
+    check_outputs(source, csv_path, centers)
     rig = source.config(chosen)
     tracked = list(say.counted(_drawn(source, rig, draw), "tracking", frames))
     if csv_path is not None:
@@ -69,7 +71,10 @@ def _drawn(source: "Recording", config: "Config", folder: Path | None) -> Iterat
         return
     from omnivert.cli.drawn import write_drawn
 
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError("OV322", f"cannot write {folder}", error.strerror or str(error)) from error
     frames = source.messages(types=(Frame,))
     for index, ((_, frame), bearings) in enumerate(zip(frames, tracked(source, config), strict=True)):
         if isinstance(frame, Frame):

@@ -2,12 +2,22 @@
 
 import hashlib
 import json
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 Id = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$")]  # one chunk of a key
+
+
+def _end_point(text: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_-]*/[^?#]+(\?[^#]+)?(#.+)?", text):
+        raise ValueError("an end point is PROTOCOL/ADDRESS, such as tcp/127.0.0.1:7447")
+    return text
+
+
+EndPoint = Annotated[str, AfterValidator(_end_point)]
 
 
 class Section(BaseModel):
@@ -99,9 +109,9 @@ class MirrorRing(Section):
 class Bus(Section):
     """Zenoh, with the door closed: no scouting, and only the end points named here."""
 
-    endpoint: str = "tcp/127.0.0.1:7447"
+    endpoint: EndPoint = "tcp/127.0.0.1:7447"
     """Where the router listens and the services connect; unixsock-stream/PATH for a socket of the file system."""
-    listen: tuple[str, ...] = ()
+    listen: tuple[EndPoint, ...] = ()
     """More end points for the router, such as tcp/192.168.1.5:7447 for monitors on other machines."""
     shared_memory: bool = True
     """Large messages between processes of one machine go through shared memory."""

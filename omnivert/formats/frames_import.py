@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from omnivert.config import Config
@@ -39,5 +40,6 @@ def import_frames(
     except OSError as error:
         raise DataError("OV311", f"cannot write {out}", error.strerror or str(error)) from error
     finally:
-        begun.unlink(missing_ok=True)
+        with suppress(OSError):
+            begun.unlink(missing_ok=True)
     return given

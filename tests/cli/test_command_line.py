@@ -94,6 +94,48 @@ def test_a_recording_is_never_overwritten(omnivert: Any, tmp_path: Path) -> None
     assert (ran.code, (tmp_path / "drive.mcap").read_bytes()) == (2, b"the only drive")
 
 
+def test_an_import_overwrites_no_recording_either(omnivert: Any, tmp_path: Path) -> None:
+    (tmp_path / "drive.mcap").write_bytes(b"the only drive")
+    ran = omnivert("import", "frames", tmp_path, "-o", tmp_path / "drive.mcap")
+    assert (ran.code, (tmp_path / "drive.mcap").read_bytes()) == (2, b"the only drive")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("calibrate", "x" * 300),
+        ("import", "frames", "x" * 300, "-o", "y"),
+        ("extrinsics", "list", "--store", "x" * 300),
+    ],
+)
+def test_what_the_system_refuses_is_a_refusal(omnivert: Any, arguments: tuple[str, ...]) -> None:
+    ran = omnivert(*arguments)
+    assert ran.code == 1
+    assert ran.err.startswith("error[OV")
+    assert "too long" in ran.err
+
+
+def test_a_result_that_finds_no_room_is_a_refusal() -> None:
+    with Path("/dev/full").open("wb") as full:
+        command = [*OMNIVERT, "config"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert "error[OV210]" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_speed_without_end_is_wrong_use(omnivert: Any) -> None:
+    ran = omnivert("play", "corridor", "--speed", "inf")
+    assert (ran.code, "--speed 0" in ran.err) == (2, True)
+
+
+@pytest.mark.parametrize("end_point", ["nonsense", "tcp/", "/x", ""])
+def test_an_end_point_of_no_form_is_wrong_use(omnivert: Any, end_point: str) -> None:
+    ran = omnivert("monitor", "--once", "--connect", end_point)
+    assert ran.code == 2
+    assert "PROTOCOL/ADDRESS" in ran.err
+
+
 def test_no_router_is_said_in_one_line(omnivert: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("omnivert.cli.monitor.PATIENCE_S", 0.1)
     ran = omnivert("monitor", "--once", "--connect", f"unixsock-stream/{tmp_path}/none.sock")

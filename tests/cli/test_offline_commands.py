@@ -74,6 +74,41 @@ def test_a_table_that_cannot_be_written_is_said(omnivert: Any, straight: Path, t
     assert "error[OV322]" in ran.err
 
 
+@pytest.mark.parametrize("option", ["--csv", "--centers", "--draw"])
+def test_a_place_below_a_file_is_refused_before_the_work(
+    omnivert: Any, straight: Path, tmp_path: Path, option: str
+) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    ran = omnivert("track", straight, option, tmp_path / "file" / "below")
+    assert (ran.code, ran.out) == (1, "")
+    assert "error[OV322]" in ran.err
+
+
+@pytest.mark.parametrize("place", ["", "none/picture.png"])
+def test_a_picture_that_cannot_be_written_is_refused_before_the_work(
+    omnivert: Any, straight: Path, tmp_path: Path, place: str
+) -> None:
+    ran = omnivert("calibrate", straight, "--picture", tmp_path / place, "--json")
+    assert (ran.code, ran.json["error"]["code"]) == (1, "OV322")
+
+
+@pytest.mark.parametrize("command", [("track", "--csv"), ("track", "--centers"), ("calibrate", "--picture")])
+def test_no_result_overwrites_its_recording(
+    omnivert: Any, straight: Path, tmp_path: Path, command: tuple[str, str]
+) -> None:
+    drive = tmp_path / "drive.mcap"
+    drive.write_bytes(straight.read_bytes())
+    ran = omnivert(command[0], drive, command[1], tmp_path / "." / "drive.mcap")
+    assert ran.code == 2
+    assert "error[OV208]" in ran.err
+    assert drive.read_bytes() == straight.read_bytes()
+
+
+def test_checking_for_a_place_leaves_nothing(omnivert: Any, without_ticks: Path, tmp_path: Path) -> None:
+    assert omnivert("calibrate", without_ticks, "--picture", tmp_path / "result.png").code == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_info_says_what_a_recording_holds(omnivert: Any, straight: Path) -> None:
     assert "24 frames (3.0 Hz" in omnivert("play", straight, "--info").out
     assert omnivert("play", straight, "--info", "--json").json["frames"] == 24

@@ -264,6 +264,12 @@ def test_a_place_that_cannot_be_written_is_named(folder: Path, tmp_path: Path) -
         import_frames(folder, tmp_path / "nowhere" / "out.mcap")
 
 
+def test_a_place_below_a_file_is_named(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(DataError, match="cannot write"):
+        import_frames(folder, tmp_path / "file" / "out.mcap")
+
+
 @given(data=st.binary(max_size=300))
 def test_any_bytes_as_a_table_give_rows_or_a_refusal(tmp_path_factory: pytest.TempPathFactory, data: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "any.csv"
