@@ -34,9 +34,9 @@ def pipeline(
 ) -> None:
     """Milliseconds of every stage from frame to estimate, and latency over the bus."""
     from omnivert.bench.pipeline import pipeline_times
-    from services._start import prepare
+    from omnivert.threads import one_thread
 
-    prepare()
+    one_thread()
     source = opened(recording)
     frames = count(source, FRAME)
     if not frames:

@@ -70,7 +70,11 @@ def calibrate(
         error = refusal(outcome)
         if as_json:
             say.json_result({**body, "error": say.refusal_json(error)})
-        say.refuse(error, known=known(outcome.last), also=f"omnivert explain {error.code}")
+        say.refuse(
+            error,
+            known="" if rig.calibration.mode == "paper" else known(outcome.last),
+            also=f"omnivert explain {error.code}",
+        )
         raise typer.Exit(error.exit_code)
     if as_json:
         say.json_result(body)
@@ -84,9 +88,7 @@ def calibration(source: "Recording", config: "Config", given: Given) -> Outcome:
     raises  DataError when it holds no frames or no ticks
     """
     from omnivert.offline import calibrated
-    from services._start import prepare
 
-    prepare()
     again = "omnivert record drive.mcap"
     if not given.frames:
         raise DataError("OV101", "there are no frames in this recording", "the lines come from them", again)

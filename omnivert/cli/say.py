@@ -50,6 +50,7 @@ def err() -> Console:
 
 def story(text: str) -> None:
     """One line of what is being done; may hold rich markup."""
+    sys.stdout.flush()  # where both go to one place, they keep their order
     err().print(text)
 
 

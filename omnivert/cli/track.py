@@ -63,9 +63,7 @@ def track(
 def _drawn(source: "Recording", config: "Config", folder: Path | None) -> Iterator[Bearings]:
     """The tracked frames; each is also drawn into the folder, where one is given."""
     from omnivert.offline import tracked
-    from services._start import prepare
 
-    prepare()
     if folder is None:
         yield from tracked(source, config)
         return

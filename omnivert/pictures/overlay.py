@@ -21,7 +21,7 @@ def overlay(picture: NDArray[np.uint8], bearings: Bearings, bearing_sign: int, r
     picture       (H, W) or (H, W, 3) uint8
     bearing_sign  +1 or -1, as in the configuration
     r_min_px      where the lines begin
-    A line of many frames is drawn thick, a new one thin. Reasons stand in the corner.
+    A line of many frames is drawn thick, a new one thin; numbers stand where there is room, reasons in the corner.
     """
     grey = picture.ndim == 2
     drawn = np.ascontiguousarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR) if grey else picture.copy(), dtype=np.uint8)
@@ -35,14 +35,17 @@ def overlay(picture: NDArray[np.uint8], bearings: Bearings, bearing_sign: int, r
     for radius in (r_min_px, ring.radius_px):
         cv2.circle(drawn, _point(center), round(radius * 2**_SHIFT), _RING, 1, cv2.LINE_AA, _SHIFT)
     cv2.drawMarker(drawn, (round(center[0]), round(center[1])), _RING, cv2.MARKER_CROSS, 9, 1)
-    for track, bearing, age in zip(bearings.track_id, bearings.bearing_rad, bearings.age_frames, strict=True):
-        angle = bearing_sign * float(bearing)
+    taken: list[NDArray[np.float64]] = []
+    for i in np.argsort(-bearings.age_frames, kind="stable"):  # where numbers would lie on each other, the oldest stays
+        angle, track = bearing_sign * float(bearings.bearing_rad[i]), int(bearings.track_id[i])
         ray = np.array([np.cos(angle), -np.sin(angle)])
-        color = track_color(int(track))
-        thickness = max(round((2 if age >= 5 else 1) * size), 1)
+        thickness = max(round((2 if bearings.age_frames[i] >= 5 else 1) * size), 1)
         ends = _point(center + ray * r_min_px), _point(center + ray * ring.radius_px)
-        cv2.line(drawn, *ends, color, thickness, cv2.LINE_AA, _SHIFT)
-        _text(drawn, str(track), center + ray * (ring.radius_px + 9.0 * size), color, 0.34 * size, middle=True)
+        cv2.line(drawn, *ends, track_color(track), thickness, cv2.LINE_AA, _SHIFT)
+        place = center + ray * (ring.radius_px + 9.0 * size)
+        if all(np.hypot(*((place - other) / (18.0, 9.0))) >= size for other in taken):
+            taken.append(place)
+            _text(drawn, str(track), place, track_color(track), 0.34 * size, middle=True)
     return drawn
 
 

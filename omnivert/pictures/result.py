@@ -159,10 +159,9 @@ def _state_strip(axes: Axes, estimates: Sequence[Estimate]) -> None:
         axes.axvspan(estimates[0].frame, first, color="#f3f5f7", zorder=0)
         axes.text(
             (estimates[0].frame + first) / 2,
-            0.5,
-            "no single solution yet",
+            0.2,
+            "no single solution yet" if first - estimates[0].frame > 0.25 * len(estimates) else "",
             transform=across,
-            rotation=90,
             ha="center",
             va="center",
             fontsize=9,
