@@ -159,7 +159,7 @@ def _state_strip(axes: Axes, estimates: Sequence[Estimate]) -> None:
         axes.axvspan(estimates[0].frame, first, color="#f3f5f7", zorder=0)
         axes.text(
             (estimates[0].frame + first) / 2,
-            0.2,
+            0.88,
             "no single solution yet" if first - estimates[0].frame > 0.25 * len(estimates) else "",
             transform=across,
             ha="center",
