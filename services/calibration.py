@@ -30,6 +30,7 @@ def run(bus: Bus, config: Config, arguments: argparse.Namespace | None = None) -
         if received is not None:
             desk.step(received)
         desk.keep_house(time.monotonic())
+    desk.close()
 
 
 class _Desk:
@@ -48,6 +49,7 @@ class _Desk:
         self._calibrator: Calibrator | None = None
         self._counted: Counter[str] = Counter()
         self._newest_ns: dict[type[Message], int] = {}
+        self._newest: Received | None = None
         self._run = b""
         self._seen_from_start = False
         self._causes: dict[int, Received] = {}  # stamp of bearings that wait for their estimate -> how they came
@@ -82,14 +84,20 @@ class _Desk:
             if len(self._causes) > self._config.timeline.max_held:
                 del self._causes[next(iter(self._causes))]
         self._newest_ns[type(message)] = message.stamp_ns
+        self._newest = received
         self._work(self._timeline.push(message, received.replay), received)
+
+    def close(self) -> None:
+        """The service ends: what is known now is claimed once more, for a storage that still listens."""
+        if self._calibrator is not None and self._newest is not None:
+            for result in self._calibrator.close():
+                self._publish(result, self._newest)
 
     def _finish(self, cause: Received) -> None:
         """Nothing comes after this: what waited for more goes on without it."""
+        self._newest = cause
         self._work(self._timeline.drain(), cause)
-        if self._calibrator is not None:
-            for result in self._calibrator.close():
-                self._publish(result, cause)
+        self.close()
 
     def _work(self, released: Sequence[Message], cause: Received) -> None:
         for message in released:

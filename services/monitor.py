@@ -29,16 +29,23 @@ HEARD = (
 )
 
 
-def run(bus: Bus, config: Config, once: bool = False, tell: Callable[[dict[str, Any]], None] | None = None) -> None:
+def run(
+    bus: Bus,
+    config: Config,
+    once: bool = False,
+    tell: Callable[[dict[str, Any]], None] | None = None,
+    rate_known: bool = True,
+) -> None:
     """Show the state until the bus stops, or once after two seconds.
 
-    tell  is told that one state as plain values; nothing is shown then
+    tell        is told that one state as plain values; nothing is shown then
+    rate_known  whether the configuration is the robot's own, so that its camera's rate can be expected
     """
     once = once or tell is not None
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=100)
-    view = View(config, config.bus.endpoint)
+    view = View(config, config.bus.endpoint, rate_known)
     stored = bus.ask(channels.EXTRINSICS, timeout_s=1.0)
     if stored is not None:
         view.step(stored, time.monotonic())
@@ -58,7 +65,7 @@ def run(bus: Bus, config: Config, once: bool = False, tell: Callable[[dict[str, 
                 tell(view.json())
                 return
             if once:
-                console.print(view.screen(now))
+                console.print(view.screen(now, once=True))
                 return
             if live is not None:
                 live.update(view.screen(now), refresh=True)

@@ -2,10 +2,13 @@
 
 import argparse
 import dataclasses
+import logging
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -15,13 +18,35 @@ from omnivert.messages import Bearings, Frame, Message, Playback, Scan, Ticks
 from omnivert.wire.bus import Bus
 from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME, PLAYBACK, SCAN, TICKS, Channel
 from omnivert.wire.recording import Recording
+from omnivert.wire.rivals import refusal
 from services import _start
+from services._clock import Clock
 from services._credits import Credits
 
+_log = logging.getLogger("omnivert.player")
 _PROGRESS_S = 0.2
+_END_S = 0.1  # how often the thread that follows the results looks whether it is over
 _POLL_S = 0.05  # how often the services are looked at while the playback waits
-_HURRY_S = 0.1  # a shorter wait is caught up
 _CHANNELS: dict[type[Message], Channel] = {Frame: FRAME, Ticks: TICKS, Scan: SCAN, Bearings: BEARINGS}
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """How a playback went.
+
+    lost     frames whose results were given up
+    seconds  that it took
+    """
+
+    messages: int
+    frames: int
+    lost: int
+    seconds: float
+
+    def __str__(self) -> str:
+        return (
+            f"played {self.messages} messages, {self.frames} frames of them, in {self.seconds:.1f} s; {self.lost} lost"
+        )
 
 
 def run(
@@ -33,26 +58,30 @@ def run(
     from_s: float | None = None,
     to_s: float | None = None,
     wait_for: tuple[str, ...] = (),
-) -> None:
+    begun: Callable[[str], None] = lambda service: None,
+) -> Played:
     """Plays until the end, and until all results of it are in.
 
     speed     1 is as recorded; 0 is as fast as the results come
     wait_for  services that must be there first
-    raises    UseError beside a live bridge, DataError without sensor data or without one of `wait_for`
+    begun     called before the first message, with the service that consumes the images or bearings
+    raises    UseError beside a live bridge or when one comes, DataError without sensor data or one of `wait_for`
     """
     recording = Recording(path)
     part = _Part(recording, config, from_s, to_s)
     bus.refuse_beside("bridge", "player")
+    begun(part.consumer)
     if recording.config(config).rig_digest() != config.rig_digest():
         bus.note("the recording was made with another rig than the configuration's", "rig")
     if recording.cut:
         bus.note(f"the recording is not whole: {recording.cut}", "cut")
     player = _Player(bus, config)
-    threading.Thread(target=player.follow_results, name="results", daemon=True).start()
-    player.await_services(wait_for)
-    player.play(part.rounds(loop), 0 if loop else part.count(), speed)
+    with player.following():
+        player.await_services(wait_for)
+        played = player.play(part.rounds(loop), 0 if loop else part.count(), speed)
     for reason, times in recording.refused.items():
         bus.refuse(f"recording: {reason}", times)
+    return played
 
 
 class _Part:
@@ -64,9 +93,14 @@ class _Part:
         rig = recording.config(config)
         camera = Frame if FRAME.key(rig) in recording.counts else Bearings
         self._types: tuple[type[Message], ...] = (camera, Ticks, Scan)
+        self.consumer = "vision" if camera is Frame else "calibration"
         self._keys = {_CHANNELS[sensor].key(rig) for sensor in self._types}
         if not self._keys & set(recording.counts):
             raise DataError("OV305", f"{recording.path} holds no sensor data", f"only {', '.join(recording.counts)}")
+        if not self.count():
+            because = f"it lasts {1e-9 * (recording.end_ns - recording.start_ns):.1f} s"
+            again = "omnivert play corridor --from 5 --to 10"
+            raise DataError("OV305", f"{recording.path} holds no sensor data in this part", because, again)
 
     def count(self) -> int:
         return self._recording.count(self._keys, self._from_s, self._to_s)
@@ -108,12 +142,27 @@ class _Player:
         self._needed: dict[str, frozenset[bytes]] = {}  # service -> its processes as last seen
         self._away_s: dict[str, float] = {}  # service that is needed and gone -> since when
         self._heard_s = time.monotonic()  # the last result, or the last reason not to expect one
-        self._results = bus.listen(BEARINGS, ESTIMATE, period_s=0.5)
+        self._results = bus.listen(BEARINGS, ESTIMATE, period_s=_END_S)
+        self._over = threading.Event()
         self._told_s = 0.0
         self._played = 0
+        self._frames = 0
 
-    def follow_results(self) -> None:
+    @contextmanager
+    def following(self) -> Iterator[None]:
+        """Follows the results in a thread, which has ended before the bus closes: in zenoh it would break the exit."""
+        thread = threading.Thread(target=self._follow_results, name="results", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            self._over.set()
+            thread.join()
+
+    def _follow_results(self) -> None:
         for received in self._results:
+            if self._over.is_set():
+                return
             if received is not None and received.run == self._bus.incarnation:
                 with self._changed:
                     self._credits.seen(received.message)
@@ -124,24 +173,34 @@ class _Player:
         for service in services:
             self._bus.note(f"waits for {service}", "start")
             wait_s = self._settings.wait_s
-            if not self._bus.await_presence(partial(self._is_here, service), wait_s) and not self._bus.stopped:
+            self._bus.await_presence(partial(self._is_here_or_bridge, service), wait_s)
+            self._give_way()
+            if not self._is_here(service) and not self._bus.stopped:
                 raise DataError("OV404", f"{service} has not come", f"not within {wait_s:g} s", "omnivert monitor")
         self._bus.note(None, "start")
 
-    def play(self, messages: Iterator[Message], total: int, speed: float) -> None:
-        clock = _Clock(speed, self._longest_pause_s)
+    def play(self, messages: Iterator[Message], total: int, speed: float) -> Played:
+        began_s = time.monotonic()
+        self._play(messages, total, speed)
+        return Played(self._played, self._frames, self._credits.lost, time.monotonic() - began_s)
+
+    def _play(self, messages: Iterator[Message], total: int, speed: float) -> None:
+        clock = Clock(speed, self._longest_pause_s)
         for message in messages:
             if isinstance(message, Frame | Bearings):
                 clock.stood_still(self._await_credit())
             while not self._bus.stopped and (left_s := clock.until(message.stamp_ns)) > 0.0:
                 self._tell(total)
-                self._bus.wait_stopped(min(left_s, _PROGRESS_S))
+                self._bus.await_presence(self._bridge_is_here, min(left_s, _PROGRESS_S))
+                self._give_way()
             if self._bus.stopped:
                 return
+            self._give_way()
             with self._changed:
                 self._credits.played(message)
             self._bus.publish(_CHANNELS[type(message)], message, replay=True)
             self._played += 1
+            self._frames += isinstance(message, Frame | Bearings)
             self._tell(total)
         self._finish(total)
 
@@ -169,6 +228,7 @@ class _Player:
         """Waits until `holds`, watching the services; whether it does."""
         began = time.monotonic()
         while True:
+            self._give_way()
             self._watch_services()
             with self._changed:
                 if holds():
@@ -182,6 +242,17 @@ class _Player:
 
     def _is_here(self, service: str) -> bool:
         return bool(self._bus.incarnations(service))
+
+    def _is_here_or_bridge(self, service: str) -> bool:
+        return self._is_here(service) or self._bridge_is_here()
+
+    def _bridge_is_here(self) -> bool:
+        return self._is_here("bridge")
+
+    def _give_way(self) -> None:
+        """raises UseError when a bridge has come: it publishes nothing until this player has gone"""
+        if self._bridge_is_here():
+            raise refusal(self._bus.config.robot.id, "player", "bridge")
 
     def _watch_services(self) -> None:
         """Whoever was there is waited for when it goes; what it had not answered is lost."""
@@ -226,32 +297,6 @@ class _Player:
             self._bus.publish(PLAYBACK, told, replay=True)
 
 
-class _Clock:
-    """When each message is due, counted from the first one."""
-
-    def __init__(self, speed: float, longest_pause_s: float) -> None:
-        self._speed = speed
-        self._longest_pause_s = longest_pause_s
-        self._zero_s = time.monotonic()  # when stamp 0 would be due, less what it is at the first message
-        self._last_ns: int | None = None
-        self._at_s = 0.0  # the last message's time in the playback
-
-    def until(self, stamp_ns: int) -> float:
-        """How long to wait until this message is due; s."""
-        if self._speed == 0.0:
-            return 0.0
-        if stamp_ns != self._last_ns:
-            pause_s = (stamp_ns - self._last_ns) * 1e-9 if self._last_ns is not None else 0.0
-            self._at_s += min(pause_s, self._longest_pause_s) / self._speed
-            self._last_ns = stamp_ns
-        return self._zero_s + self._at_s - time.monotonic()
-
-    def stood_still(self, duration_s: float) -> None:
-        """The playback waited for its results; it does not hurry afterwards."""
-        if duration_s > _HURRY_S:
-            self._zero_s += duration_s
-
-
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--recording", type=Path, required=True)
     parser.add_argument(
@@ -272,7 +317,7 @@ def _speed(text: str) -> float:
 
 def _run(bus: Bus, config: Config, given: argparse.Namespace) -> None:
     wait_for = tuple(name for name in given.wait_for.split(",") if name)
-    run(bus, config, given.recording, given.speed, given.loop, given.from_s, given.to_s, wait_for)
+    _log.info("%s", run(bus, config, given.recording, given.speed, given.loop, given.from_s, given.to_s, wait_for))
 
 
 def main() -> int:

@@ -4,31 +4,39 @@ import argparse
 import logging
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 
 from omnivert.config import Config
 from omnivert.errors import DataError
+from omnivert.messages import Frame, Health, Scan, Ticks
 from omnivert.wire.bus import Bus
 from omnivert.wire.channels import CHANNELS
+from omnivert.wire.received import Received
 from omnivert.wire.recording import RecordingWriter
+from omnivert.wire.sources import Admission, Sources
 from services import _start
 
 _log = logging.getLogger("omnivert.recorder")
 _CHUNK_S = 1.0
 
 
-def run(bus: Bus, config: Config, path: Path) -> None:
-    """Records until the bus stops.
+def run(bus: Bus, config: Config, path: Path) -> Counter[str]:
+    """Records until the bus stops; returns how many messages of each stream, health aside, were written.
 
     raises  DataError when the file cannot be written any further; what was written before is good
     """
+    sources = Sources(bus.alive)
+    written: Counter[str] = Counter()
     try:
         with RecordingWriter(path, config) as writer:
             closed_s = time.monotonic()
             for received in bus.listen(*CHANNELS, period_s=_CHUNK_S, every=True):
-                if received is not None:
+                if received is not None and admitted(bus, sources, received):
                     writer.write(received.key, received.message)
                     bus.done(received)
+                    if not isinstance(received.message, Health):
+                        written[received.channel.stream] += 1
                 if time.monotonic() - closed_s >= _CHUNK_S:
                     writer.flush()
                     closed_s = time.monotonic()
@@ -40,6 +48,17 @@ def run(bus: Bus, config: Config, path: Path) -> None:
             f"{error.strerror or error}; what was recorded before is good",
             "free some space, or name another disk",
         ) from error
+    return written
+
+
+def admitted(bus: Bus, sources: Sources, received: Received) -> bool:
+    """Whether it belongs to the drive: of sensors, what vision and calibration take from them; counted when not."""
+    if not isinstance(received.message, Frame | Ticks | Scan):
+        return True
+    if sources.admission(received) is not Admission.REFUSED:
+        return True
+    bus.refuse(f"{received.key}: from another source than the one that is heard")
+    return False
 
 
 def unused(path: Path) -> Path:

@@ -47,6 +47,7 @@ class Calibrator:
         self._state = State.WAITING
         self._claimed: Array | None = None  # sigmas of the last extrinsics
         self._claimed_frame = 0
+        self._told_last: Estimate | None = None
         self._stored: Mount | None = None
         if self._paper:
             c = config.calibration
@@ -79,10 +80,15 @@ class Calibrator:
         return tuple(out)
 
     def close(self) -> tuple[Estimate | Extrinsics, ...]:
-        """No more messages will come: what is held goes through without counts."""
+        """No more messages will come: what is held goes through without counts, and the final state is claimed."""
         out: list[Estimate | Extrinsics] = []
         while self._held:
             out += self._work(self._held.popleft())
+        last = self._told_last
+        if last is None or last.mount is None or last.state is not State.CALIBRATED:
+            return tuple(out)
+        if self._stored is None and self._claimed_frame != last.frame:
+            out.append(self._claim(last, last.mount))
         return tuple(out)
 
     def _take(self, bearings: Bearings) -> None:
@@ -209,24 +215,25 @@ class Calibrator:
             lines_rejected=self._innovation.rejected,
             reasons=tuple(dict.fromkeys(reasons))[:16],
         )
-        out: list[Estimate | Extrinsics] = [estimate]
+        self._told_last = estimate
         if published is not None and judged.state is State.CALIBRATED and self._is_news(published):
-            self._claimed = np.sqrt(np.diag(published.covariance))
-            self._claimed_frame = self._frames
-            out.append(
-                Extrinsics(
-                    stamp_ns=stamp_ns,
-                    robot=self._config.robot.id,
-                    camera=self._config.camera.id,
-                    mount=published,
-                    state=judged.state,
-                    frames=self._frames,
-                    reasons=estimate.reasons,
-                    software=f"omnivert {omnivert.__version__}",
-                    rig_digest=self._config.rig_digest(),
-                )
-            )
-        return out
+            return [estimate, self._claim(estimate, published)]
+        return [estimate]
+
+    def _claim(self, estimate: Estimate, mount: Mount) -> Extrinsics:
+        self._claimed = np.sqrt(np.diag(mount.covariance))
+        self._claimed_frame = estimate.frame
+        return Extrinsics(
+            stamp_ns=estimate.stamp_ns,
+            robot=self._config.robot.id,
+            camera=self._config.camera.id,
+            mount=mount,
+            state=estimate.state,
+            frames=estimate.frame,
+            reasons=estimate.reasons,
+            software=f"omnivert {omnivert.__version__}",
+            rig_digest=self._config.rig_digest(),
+        )
 
     def _mount(self) -> tuple[Array | None, Array | None]:
         """phi, rho, psi and the covariance that may be claimed, without what only the wheels' noise has shown."""

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Mount, Playback, Receipt, State
-from omnivert.pictures.words import colour, quantities, word
+from omnivert.pictures.words import colour, printable, quantities, short, word
 
 if TYPE_CHECKING:
     from omnivert.cli.troubles import Troubles
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SILENCE_S = 20.0  # nothing at all for so long: something is wrong
 ROWS = 10  # of the table of estimates
+ROW_COLUMNS = 100
 SETTLE_S = 3.0  # after the last message played, for results that are still on their way
 
 
@@ -51,11 +52,12 @@ class Heard:
     @property
     def complete(self) -> bool:
         """Whether the last frame's estimate is here and what was claimed is stored."""
-        if not self.estimates or self.estimates[-1].stamp_ns < self.end_ns:
+        if not self.finished or not self.estimates or self.estimates[-1].stamp_ns < self.end_ns:
             return False
-        if not self.finished or self.claimed is None:
-            return self.finished
-        return self.receipt is not None and self.receipt.stamp_ns >= self.claimed.stamp_ns
+        claim: Message | None = self.claimed
+        if self.estimates[-1].state is State.CALIBRATED:  # the final state is claimed, too, and may be on its way
+            claim = self.estimates[-1]
+        return claim is None or (self.receipt is not None and self.receipt.stamp_ns >= claim.stamp_ns)
 
     @property
     def finished(self) -> bool:
@@ -122,7 +124,7 @@ class Rows:
         self._count = 0
         self._told = -1
         console.print()
-        console.print(f"  {'t':>6}    {'phi':<16}{'rho':<19}{'psi':<16}verdict", style="dim")
+        console.print(f"  {'t, s':>5}  {'phi, deg':<14}  {'rho, m':<15}  {'psi, deg':<14}  verdict", style="dim")
 
     def step(self, estimate: Estimate) -> None:
         """One more estimate."""
@@ -143,11 +145,14 @@ class Rows:
         if estimate.mount is not None:
             phi, rho, psi = quantities(estimate.mount)
             cells = [f"{q.value_text:>6} ± {q.sigma_text}" for q in (phi, rho, psi)]
-        verdict = f"[{colour(estimate.state)}]{word(estimate.state)}[/]"
-        hint = estimate.next_manoeuvre if estimate.state is not State.CALIBRATED else ""
-        tail = f"{verdict}: {escape(hint)}" if hint else verdict
-        row = f"  {seconds:5.1f} s  {cells[0]:<16}  {cells[1]:<17}  {cells[2]:<14}  {tail}"
-        if self._console.is_terminal:
-            self._console.print(row, no_wrap=True, overflow="ellipsis", soft_wrap=False)
-        else:
-            self._console.print(row)
+        numbers = f"  {seconds:5.1f}  {cells[0]:<14}  {cells[1]:<15}  {cells[2]:<14}  "
+        state, hint = word(estimate.state), ""
+        if estimate.state is not State.CALIBRATED and estimate.next_manoeuvre:
+            hint = f": {_in_short(estimate.next_manoeuvre, ROW_COLUMNS - len(numbers) - len(state) - 2)}"
+        self._console.print(f"{numbers}[{colour(estimate.state)}]{state}[/]{escape(hint)}")
+
+
+def _in_short(manoeuvre: str, room: int) -> str:
+    """A manoeuvre in the room that a row leaves: in few words, then its first half, then its beginning."""
+    said = printable(manoeuvre).replace("about ", "").replace(" on the spot", "")
+    return said if len(said) <= room else short(said.partition(", ")[0], room)

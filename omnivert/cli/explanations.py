@@ -110,7 +110,8 @@ EXPLANATIONS = {
     ),
     "OV208": Explanation(
         "recording_exists",
-        "There is a file of that name already. A recording is never overwritten: the drive in it may be the only one.",
+        "There is a file of that name already. A recording is never overwritten, not by another recording and not by "
+        "a table or picture made from it: the drive in it may be the only one.",
         "Choose another name.",
     ),
     "OV209": Explanation(
@@ -118,6 +119,18 @@ EXPLANATIONS = {
         "omnivert up starts the drivers of a real robot. Which camera, which port, how wide the robot is and how "
         "many counts a turn of the wheel gives can not be guessed.",
         "omnivert config > robot.toml, change what is different on your robot, then omnivert up --config robot.toml",
+    ),
+    "OV210": Explanation(
+        "system_refuses",
+        "The operating system refused something that no command of omnivert goes on without: a disk is full, a name is "
+        "too long, a device has gone. The message names the file where there is one.",
+        "Mend that, then type the same command again.",
+    ),
+    "OV211": Explanation(
+        "several_robots",
+        "Services of more than one robot are on this bus. Without --robot or --config it is not known which one is "
+        "meant, and what one robot sees says nothing of another.",
+        "omnivert monitor --robot ID, with one of the names in the message.",
     ),
     # 3: recordings and other files
     "OV301": Explanation(
@@ -142,7 +155,8 @@ EXPLANATIONS = {
     ),
     "OV305": Explanation(
         "nothing_to_play",
-        "The recording holds results only, no images, wheel counts or bearings, so there is nothing to play.",
+        "The recording, or the part of it between --from and --to, holds no images, wheel counts or bearings, so there "
+        "is nothing to play.",
         "omnivert play REC --info shows what is in it.",
     ),
     "OV306": Explanation(
@@ -150,6 +164,17 @@ EXPLANATIONS = {
         "A file that the recording carries beside its messages (the truth, for one) is damaged. The messages are read "
         "independently of it.",
         "Copy the recording again, or import its folder again.",
+    ),
+    "OV307": Explanation(
+        "rig_damaged",
+        "A recording carries the geometry of the robot that made it. Here a value of it is out of its range, or has a "
+        "name that is not known. Wheels or ring of another robot would give a wrong mount, so nothing is guessed.",
+        "Record the drive again, or take a copy of the recording that is whole.",
+    ),
+    "OV308": Explanation(
+        "nothing_recorded",
+        "Neither a sensor nor a result said anything while this was recorded, so no file was kept.",
+        "omnivert monitor shows which services of which robot are there; --robot and --connect choose.",
     ),
     "OV310": Explanation(
         "import_refused",
@@ -188,13 +213,15 @@ EXPLANATIONS = {
     "OV402": Explanation(
         "not_beside",
         "The bridge and the player publish the same streams, one from the robot and one from a recording. Both at once "
-        "would mix two drives into one, so the second refuses to start.",
-        "Stop the other one first; omnivert monitor shows who is there.",
+        "would mix two drives into one. The player gives way to the bridge, also when the bridge comes while it plays; "
+        "of two players the second refuses to start.",
+        "To feed the services with a recording in place of the robot: omnivert up --config robot.toml --play REC. "
+        "Otherwise stop the other one first; omnivert monitor shows who is there.",
     ),
     "OV403": Explanation(
         "cannot_listen",
-        "The router cannot open its end point: mostly because another router is there already.",
-        "Stop the other one, or set bus.endpoint to another port.",
+        "The router cannot open its end point: mostly because another router listens there already.",
+        "Stop the other one, or set endpoint under [bus] to another port.",
     ),
     "OV404": Explanation(
         "service_missing",

@@ -1,6 +1,9 @@
 """`omnivert play REC`: a recording into a running system, on the keys of the bridge."""
 
+import math
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,10 +23,13 @@ from omnivert.cli.settings import (
     title,
     with_robot,
 )
+from omnivert.errors import UseError
 from omnivert.messages import Playback
 
 if TYPE_CHECKING:
     from omnivert.wire.bus import Bus
+
+LISTENER_S = 1.0  # for those who are here to be seen
 
 
 def play(
@@ -39,6 +45,8 @@ def play(
     as_json: JsonOption = False,
 ) -> None:
     """Play a recording in place of the bridge."""
+    if speed == math.inf:
+        raise UseError("OV205", "omnivert play: --speed inf", "0 is as fast as the results come", "--speed 0")
     source = opened(recording)
     if info or as_json:
         given = Given.of(source)
@@ -54,17 +62,40 @@ def play(
     chosen = settings(config, robot, connect)
     if config is None:  # nobody says which rig runs here: it is the recording's
         chosen = with_robot(source.config(chosen), robot)
+    path = recording_path(recording)
     with Bus(chosen, "player", chosen.camera.id, patience_s=PATIENCE_S) as bus:
-        say.story(f"playing {title(recording)} to robot {chosen.robot.id}; ctrl-c ends it")
-        threading.Thread(target=_follow, args=(bus,), name="progress", daemon=True).start()
-        run(bus, chosen, recording_path(recording), speed=speed, loop=loop, from_s=start, to_s=end)
+
+        def begun(service: str) -> None:
+            say.story(f"playing {title(recording)} to robot {chosen.robot.id}; ctrl-c ends it")
+            if not bus.await_presence(lambda: bool(bus.incarnations(service)), LISTENER_S) and not bus.stopped:
+                nobody = f"no {service} service of robot {chosen.robot.id} listens"
+                say.story(f"[yellow]{nobody}[/]: omnivert monitor shows who is here")
+
+        with _followed(bus):
+            played = run(bus, chosen, path, speed=speed, loop=loop, from_s=start, to_s=end, begun=begun)
+    say.story(f"{played}")
 
 
-def _follow(bus: "Bus") -> None:
-    """A bar that moves with what this player says of itself."""
+@contextmanager
+def _followed(bus: "Bus") -> Iterator[None]:
+    """A bar, in a thread that has ended before the bus closes: in zenoh it would break the exit."""
+    over = threading.Event()
+    thread = threading.Thread(target=_follow, args=(bus, over), name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def _follow(bus: "Bus", over: threading.Event) -> None:
+    """Moves the bar with what this player says of itself."""
     from omnivert.wire.channels import PLAYBACK
 
     with say.progress("playing", None) as bar:
-        for received in bus.listen(PLAYBACK, period_s=1.0):
+        for received in bus.listen(PLAYBACK, period_s=0.1):
+            if over.is_set():
+                return
             if received is not None and isinstance(received.message, Playback):
                 bar.reach(received.message.played, received.message.total or None)

@@ -1,14 +1,16 @@
 """`omnivert record OUT.mcap`: write down all that a running system says."""
 
 import os
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from omnivert.cli import say
-from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption, settings
-from omnivert.errors import UseError
+from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption
+from omnivert.cli.whom import meant
+from omnivert.errors import DataError, UseError
 
 
 def record(
@@ -17,14 +19,24 @@ def record(
     robot: RobotOption = None,
     connect: ConnectOption = None,
 ) -> None:
-    """Record a running system until ctrl-c; what is written stays readable even when this is killed."""
+    """Record a running system until ctrl-c; what is written stays readable even when this is killed.
+
+    Without --config and --robot it is the robot that is there.
+    """
     from omnivert.wire.bus import Bus
     from services.recorder import run
 
     if output.exists():
         raise UseError("OV208", f"{output} exists already", "a recording is never overwritten", "choose another name")
-    chosen = settings(config, robot, connect)
+    chosen = meant(config, robot, connect, f"record {output}")
+    began_s = time.monotonic()
     with Bus(chosen, "recorder", f"r{os.getpid()}", patience_s=PATIENCE_S) as bus:
         say.story(f"recording robot {chosen.robot.id} to {output}; ctrl-c ends it")
-        run(bus, chosen, output)
-    say.story(f"saved   {output}  {output.stat().st_size / 1e6:.1f} MB")
+        written = run(bus, chosen, output)
+    if not written:
+        output.unlink(missing_ok=True)
+        lasted_s = time.monotonic() - began_s
+        because = f"no sensor and no result of robot {chosen.robot.id} was heard in {lasted_s:.0f} s"
+        raise DataError("OV308", "nothing was recorded", because, "omnivert monitor   # shows who is there")
+    kinds = ", ".join(f"{times} {kind}" for kind, times in sorted(written.items()))
+    say.story(f"saved   {output}  {output.stat().st_size / 1e6:.1f} MB: {kinds}")

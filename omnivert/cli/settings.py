@@ -40,6 +40,11 @@ def with_robot(config: Config, robot: str | None) -> Config:
     return config if robot is None else _with(config, "robot", "--robot", id=robot)
 
 
+def with_camera(config: Config, camera: str) -> Config:
+    """The configuration for the camera of this id."""
+    return _with(config, "camera", "the bus", id=camera)
+
+
 def _with(config: Config, table: str, option: str, **values: str) -> Config:
     """The configuration with values of one table replaced, held to their form; what was set stays what was set."""
     given = {name: dict(fields) for name, fields in config.model_dump(exclude_unset=True).items()}

@@ -1,50 +1,102 @@
-"""`omnivert up`: every service of a robot, looked after."""
+"""`omnivert up`: every service of a robot, looked after; with a recording in place of the robot, if asked for."""
 
+import json
+import math
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omnivert.cli import say
-from omnivert.cli.settings import settings
+from omnivert.cli.settings import opened, recording_path, settings, title
 from omnivert.config import Config
 from omnivert.errors import UseError
 
+if TYPE_CHECKING:
+    from omnivert.cli.supervisor import Event
+
 SERVICES = ("router", "bridge", "vision", "calibration", "storage")
+CONSUMERS = "vision,calibration,storage"  # the player waits for them
 
 
 def up(
     config: Annotated[Path | None, typer.Option("--config", "-c", help="TOML file of the robot.")] = None,
     record: Annotated[Path | None, typer.Option("--record", help="Record everything into this file.")] = None,
+    play: Annotated[
+        str | None, typer.Option("--play", metavar="REC", help="Play this recording in place of the bridge.")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Of --play: 1 is as recorded; 0 is as fast as the results come.", min=0.0)
+    ] = None,
+    loop: Annotated[bool, typer.Option("--loop", help="Of --play: begin again at the end.")] = False,
 ) -> None:
     """Start router, bridge, vision, calibration and storage; restart what dies; ctrl-c stops all."""
-    from omnivert.cli.supervisor import Supervisor
+    from omnivert.cli.supervisor import Happened, Supervisor
     from omnivert.cli.troubles import Troubles
 
-    if config is None:
-        because = "camera, encoder and wheels differ from robot to robot"
-        raise UseError("OV209", "omnivert up needs --config", because, "omnivert config > robot.toml")
-    if record is not None and record.exists():
-        raise UseError("OV208", f"{record} exists already", "a recording is never overwritten", "choose another name")
-    chosen = settings(config)
-    _tell(chosen, record)
+    _check(config, record, play, speed, loop)
     troubles = Troubles(loud=True)
-    try:
-        with Supervisor(config, troubles) as supervisor:
-            for service in SERVICES:
-                supervisor.start(service)
-            if record is not None:
-                supervisor.start("recorder", "--output", str(record))
-            while not troubles.fatal.wait(0.2):
-                pass
-    except KeyboardInterrupt:
-        pass
+
+    def report(event: "Event") -> None:
+        troubles(event)
+        if event.service == "player" and event.happened is Happened.ENDED:
+            say.story("the playback has ended; omnivert extrinsics show tells what is stored, ctrl-c stops all")
+
+    with _file(config, play) as file:
+        chosen = settings(file)
+        _tell(chosen, record, play)
+        try:
+            with Supervisor(file, report) as supervisor:
+                for service in SERVICES:
+                    if service == "bridge" and play is not None:
+                        pace = () if speed is None else ("--speed", f"{speed!r}")
+                        again = ("--loop",) if loop else ()
+                        rec = str(recording_path(play))
+                        supervisor.start("player", "--recording", rec, "--wait-for", CONSUMERS, *pace, *again)
+                    else:
+                        supervisor.start(service)
+                if record is not None:
+                    supervisor.start("recorder", "--output", str(record))
+                while not troubles.fatal.wait(0.2):
+                    pass
+        except KeyboardInterrupt:
+            pass
     troubles.check()
     saved = f"; recording in {record}" if record is not None else ""
     say.story(f"stopped; extrinsics in {chosen.storage.path}{saved}")
 
 
-def _tell(config: Config, record: Path | None) -> None:
+def _check(config: Path | None, record: Path | None, play: str | None, speed: float | None, loop: bool) -> None:
+    """raises UseError when these options do not go together"""
+    if config is None and play is None:
+        because = "camera, encoder and wheels differ from robot to robot"
+        raise UseError("OV209", "omnivert up needs --config", because, "omnivert config > robot.toml")
+    if play is None and (speed is not None or loop):
+        what = "omnivert up: --speed and --loop are of a playback"
+        raise UseError("OV205", what, "without --play the robot itself is heard", "omnivert up --play REC --loop")
+    if speed is not None and not math.isfinite(speed):
+        raise UseError("OV205", f"omnivert up: --speed {speed}", "0 is as fast as the results come", "--speed 0")
+    if record is not None and record.exists():
+        raise UseError("OV208", f"{record} exists already", "a recording is never overwritten", "choose another name")
+
+
+@contextmanager
+def _file(config: Path | None, play: str | None) -> Iterator[Path]:
+    """The configuration that the services are started with; without one it is that of the recording's rig."""
+    source = opened(play) if play is not None else None
+    if config is not None:
+        yield config
+    elif source is not None:
+        with tempfile.TemporaryDirectory(prefix="omnivert-") as folder:
+            path = Path(folder) / "robot.json"
+            path.write_text(json.dumps(source.config(Config()).model_dump(mode="json")), encoding="utf-8")
+            yield path
+
+
+def _tell(config: Config, record: Path | None, play: str | None) -> None:
     from services.router import is_local
 
     robot, camera, encoder = config.robot, config.camera, config.encoder
@@ -52,8 +104,11 @@ def _tell(config: Config, record: Path | None) -> None:
     for endpoint in (config.bus.endpoint, *config.bus.listen):
         who = "this machine only" if is_local(endpoint) else "[yellow]open to the network, without a password[/]"
         say.story(f"  listens   {endpoint}   ({who})")
-    say.story(f"  camera    {camera.id}: {camera.source}, {camera.width_px} x {camera.height_px}")
-    say.story(f"  encoder   {encoder.id}: {encoder.port}, {encoder.baud} baud")
+    if play is not None:
+        say.story(f"  plays     {title(play)}, in place of the robot")
+    else:
+        say.story(f"  camera    {camera.id}: {camera.source}, {camera.width_px} x {camera.height_px}")
+        say.story(f"  encoder   {encoder.id}: {encoder.port}, {encoder.baud} baud")
     say.story(f"  store     {config.storage.path}")
     if record is not None:
         say.story(f"  records   {record}")

@@ -23,24 +23,27 @@ from omnivert.messages import (
 )
 from omnivert.pictures.monitor_services import Services
 from omnivert.pictures.plain import plain
-from omnivert.pictures.words import Quantity, colour, quantities, word
+from omnivert.pictures.words import Quantity, colour, counted, printable, quantities, short, word
 
 BARS = "▁▂▃▄▅▆▇█"
 HISTORY_S = 60.0
 COLUMNS = 20  # of a sparkline
 VERDICT_COLUMNS = 38
+NEXT_LETTERS = 180  # two lines
 
 
 class View:
-    """What has been heard, and how it looks; asks neither clock nor bus."""
+    """What has been heard, and how it looks; asks neither clock nor bus.
 
-    def __init__(self, config: Config, where: str) -> None:
+    rate_known  whether the configuration says how often this robot's camera gives a frame
+    """
+
+    def __init__(self, config: Config, where: str, rate_known: bool = True) -> None:
         self._config = config
         self._where = where
-        self._period_s = 1.0 / config.camera.frame_rate_hz
         self._estimate: tuple[float, Estimate] | None = None  # when it came, what
         self._stored: tuple[float, Extrinsics] | None = None
-        self._services = Services(config)
+        self._services = Services(config, rate_known)
         self._sigmas: deque[tuple[float, tuple[float, float, float]]] = deque()
         self._seen: deque[tuple[float, np.ndarray]] = deque(maxlen=64)
 
@@ -68,21 +71,26 @@ class View:
 
     def line(self, now_s: float) -> str:
         """The whole state in one line, for a pipe."""
+        following = self._following(now_s)[0]
         if self._estimate is None:
-            stored = "" if self._stored is None else f" stored {_numbers(self._stored[1].mount, '±')}"
-            return f"{now_s:.1f}s {State.WAITING.value}{stored} {self._missing()}"
+            stored = "" if self._stored is None else f" stored {_numbers(self._stored[1].mount)}"
+            return f"{now_s:.1f}s {State.WAITING.value}{stored} {following}"
         age, estimate = now_s - self._estimate[0], self._estimate[1]
-        numbers = "" if estimate.mount is None else f" {_numbers(estimate.mount, '±')}"
+        numbers = "" if estimate.mount is None else f" {_numbers(estimate.mount)}"
         stale = f" stale={age:.1f}s" if self._stale(age) else ""
-        following = f' next="{estimate.next_manoeuvre}"' if estimate.next_manoeuvre else ""
-        return f"{1e-9 * estimate.stamp_ns:.1f}s {estimate.state.value}{numbers}{stale}{following}"
+        tail = f' next="{following}"' if following else ""
+        state = "not_running" if self._is_dead(now_s) else estimate.state.value
+        return f"{1e-9 * estimate.stamp_ns:.1f}s {state}{numbers}{stale}{tail}"
 
-    def screen(self, now_s: float) -> RenderableType:
-        """The whole screen, 100 columns."""
+    def screen(self, now_s: float, once: bool = False) -> RenderableType:
+        """The whole screen, 100 columns.
+
+        once  it stays as it is, so there is nothing to quit
+        """
         return Group(
             self._header(now_s),
             Rule(style="dim", characters="─"),
-            self._next(),
+            self._next(now_s),
             Text(""),
             self._numbers(now_s),
             self._drive(),
@@ -91,7 +99,7 @@ class View:
             Text(""),
             self._services.table(now_s),
             Text(""),
-            self._footer(),
+            self._footer(now_s, once),
         )
 
     def json(self) -> dict[str, Any]:
@@ -107,46 +115,69 @@ class View:
         }
 
     def _stale(self, age_s: float) -> bool:
-        return age_s > max(3.0 * self._period_s, 1.0)
+        return age_s > max(3.0 * self._services.period_s, 1.0)
+
+    def _is_dead(self, now_s: float) -> bool:
+        """Whether nothing of the robot runs (any more)."""
+        stale = self._estimate is None or self._stale(now_s - self._estimate[0])
+        return stale and not self._services.there
 
     def _header(self, now_s: float) -> RenderableType:
-        state = State.WAITING if self._estimate is None else self._estimate[1].state
+        state = self._state()
+        badge, shade = word(state).upper(), colour(state)
+        if self._estimate is not None and self._is_dead(now_s):
+            badge, shade = "NOT RUNNING", colour(State.WAITING)
         row = Table.grid(expand=True)
         row.add_column(ratio=1)
         row.add_column(justify="center")
         row.add_column(ratio=1, justify="right")
         name = Text.assemble((" omnivert", "bold"), f"  robot {self._config.robot.id}")
-        row.add_row(name, Text(f" {word(state).upper()} ", style=f"bold white on {colour(state)}"), self._age(now_s))
+        row.add_row(name, Text(f" {badge} ", style=f"bold white on {shade}"), self._age(now_s))
         return row
 
     def _age(self, now_s: float) -> Text:
         if self._estimate is None:
             return Text("nothing yet ", style="dim")
         age = now_s - self._estimate[0]
-        if age > max(10.0 * self._period_s, 3.0):
+        if age > max(10.0 * self._services.period_s, 3.0):
             return Text(f"SILENT  last frame {age:.0f} s ago ", style="bold red")
         if self._stale(age):
             return Text(f"late  {age:.1f} s old ", style="yellow")
         kind = "playing" if self._services.is_playing else "live"
         return Text(f"{kind}  {age:.2f} s old ", style="green")
 
-    def _next(self) -> RenderableType:
-        if self._estimate is None:
-            return Text.assemble((" NEXT  ", "bold"), self._missing())
-        estimate = self._estimate[1]
-        calm = "nothing is missing" if estimate.state is State.CALIBRATED else "drive on"
-        lines = [Text.assemble((" NEXT  ", "bold"), (estimate.next_manoeuvre or calm, "bold"))]
-        long = [part.reason for part in _parts(estimate) if len(_in_words(part)) > VERDICT_COLUMNS]
-        for reason in list(dict.fromkeys([*estimate.reasons, *long]))[:2]:
-            shown = reason[:1].upper() + reason[1:]
-            lines.append(Text(f"       {shown}", style="dim", no_wrap=True, overflow="ellipsis"))
+    def _next(self, now_s: float) -> RenderableType:
+        calm = "nothing is missing" if self._state() is State.CALIBRATED else "drive on"
+        first, *more = self._following(now_s)
+        lines = [Text.assemble((" NEXT  ", "bold"), (short(first or calm, NEXT_LETTERS), "bold"))]
+        if self._estimate is not None and not self._is_dead(now_s):
+            estimate = self._estimate[1]
+            long = [part.reason for part in _parts(estimate) if len(_in_words(part)) > VERDICT_COLUMNS]
+            more += [f"{reason[:1].upper()}{reason[1:]}" for reason in dict.fromkeys([*estimate.reasons, *long])]
+        for text in more[:2]:
+            lines.append(Text(f"       {printable(text)}", style="dim", no_wrap=True, overflow="ellipsis"))
         return Group(*lines)
+
+    def _following(self, now_s: float) -> list[str]:
+        """What to do next, the most urgent first: a service to start, a device to connect, a way to drive."""
+        estimate = None if self._estimate is None else self._estimate[1]
+        lacking = self._estimate is None or self._stale(now_s - self._estimate[0])
+        if self._is_dead(now_s):
+            return [self._missing()]
+        if todo := self._services.todo(now_s):
+            return todo
+        if lacking and (estimate is None or not self._services.there >= {"vision", "calibration"}):
+            return [self._missing()]
+        return [printable(estimate.next_manoeuvre) if estimate is not None else ""]
+
+    def _state(self) -> State:
+        return State.WAITING if self._estimate is None else self._estimate[1].state
 
     def _missing(self) -> str:
         """What has to come before anything can be said."""
-        there = {service for service, _ in self._services.present}
+        there = self._services.there
         if not there:
-            return "no service answers; start them with: omnivert up"
+            return "no service answers; start them with: omnivert up --config robot.toml"
         source = "no camera or player yet" if not there & {"bridge", "player"} else "no frame yet"
         lacking = [name for name in ("vision", "calibration") if name not in there]
         return f"{' and '.join(lacking)} not running" if lacking else source
@@ -166,12 +197,13 @@ class View:
             value = "–" if part is None else f"{part.value_text} {part.unit}"
             sigma = "–" if part is None else part.sigma_text
             words = _in_words(verdict)
+            shade = "dim" if stale else colour(verdict.state)
             words = words if len(words) <= VERDICT_COLUMNS else word(verdict.state)  # the reason stands above
             table.add_row(
                 ("phi", "rho", "psi")[index],
                 Text(value, style="dim" if stale else "bold"),
                 Text(sigma, style="dim" if stale else ""),
-                Text(words, style=colour(verdict.state)),
+                Text(words, style=shade),
                 Text(self._spark(index, now_s), style="dim"),
             )
         return table
@@ -196,13 +228,14 @@ class View:
             return Text("")
         estimate = self._estimate[1]
         text = f" drive so far: {estimate.driven_m:.1f} m, {math.degrees(estimate.turned_rad):.0f} deg turned"
-        return Text(f"{text}, {estimate.frame} frames", style="dim")
+        return Text(f"{text}, {estimate.frame} frames", style="dim", no_wrap=True, overflow="ellipsis")
 
     def _lines(self) -> RenderableType:
         if self._estimate is None:
             return Text(" lines    –", style="dim")
         e = self._estimate[1]
-        text = f" lines    {e.lines_used} used   {e.lines_new} new   {e.lines_rejected} rejected"
+        used, new, rejected = map(counted, (e.lines_used, e.lines_new, e.lines_rejected))
+        text = f" lines    {used} used   {new} new   {rejected} rejected"
         return Text(f"{text:<42}by direction  {self._directions()}")
 
     def _directions(self) -> str:
@@ -217,13 +250,14 @@ class View:
             f"{name} {''.join(bars[i : i + 4])}" for name, i in (("ahead", 0), ("left", 4), ("back", 8), ("right", 12))
         )
 
-    def _footer(self) -> RenderableType:
+    def _footer(self, now_s: float, once: bool) -> RenderableType:
         stored = "nothing stored yet"
         if self._stored is not None:
-            extrinsics = self._stored[1]
-            stored = f"stored: {_numbers(extrinsics.mount, ' ± ')}  {word(extrinsics.state)}"
+            came_s, extrinsics = self._stored
+            stored = f"stored: {_numbers(extrinsics.mount)}  {word(extrinsics.state)}, as of {now_s - came_s:.0f} s ago"
         shown = Text(f" {stored}", style="dim", no_wrap=True, overflow="ellipsis")
-        return Group(shown, Text(f" {self._where}   ctrl-c quits", style="dim", justify="right"))
+        ends = "" if once else "   ctrl-c quits"
+        return Group(shown, Text(f" {self._where}{ends}", style="dim", justify="right"))
 
 
 def _parts(estimate: Estimate) -> tuple[ParameterVerdict, ParameterVerdict, ParameterVerdict]:
@@ -231,8 +265,8 @@ def _parts(estimate: Estimate) -> tuple[ParameterVerdict, ParameterVerdict, Para
 
 
 def _in_words(verdict: ParameterVerdict) -> str:
-    return f"{word(verdict.state)}: {verdict.reason}" if verdict.reason else word(verdict.state)
+    return printable(f"{word(verdict.state)}: {verdict.reason}" if verdict.reason else word(verdict.state))
 
 
-def _numbers(mount: Mount, sign: str) -> str:
-    return "  ".join(f"{q.name} {q.value_text}{sign}{q.sigma_text}{q.unit}" for q in quantities(mount))
+def _numbers(mount: Mount) -> str:
+    return "  ".join(f"{q.name} {q}" for q in quantities(mount))

@@ -8,6 +8,8 @@ import numpy as np
 from omnivert.messages import Mount, State
 
 PARAMETERS = ("phi", "rho", "psi")  # the order of a mount's covariance
+HUGE = 1e5  # a sigma that says nothing
+MANY = 9999
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ class Quantity:
 
     @property
     def sigma_text(self) -> str:
-        return f"{self.sigma:.{self.decimals}f}"
+        return f"{self.sigma:.{self.decimals}f}" if not self.sigma >= HUGE else f"{self.sigma:.0e}"
 
     def __str__(self) -> str:
         return f"{self.value_text} ± {self.sigma_text} {self.unit}"
@@ -61,6 +63,21 @@ def heading(mount: Mount) -> Quantity:
     variance = max(float(c[0, 0] + c[2, 2] + 2.0 * c[0, 2]), 0.0)
     total = math.degrees(math.remainder(mount.phi_rad + mount.psi_rad, math.tau))
     return Quantity("phi + psi", total, math.degrees(math.sqrt(variance)), "deg")
+
+
+def printable(text: str) -> str:
+    """A text from the network as a terminal may get it: nothing in it that moves a cursor or changes a colour."""
+    return "".join(character if character.isprintable() else " " for character in text)
+
+
+def short(text: str, length: int) -> str:
+    """The text, or its beginning."""
+    return text if len(text) <= length else f"{text[: length - 1]}…"
+
+
+def counted(number: float, decimals: int = 0) -> str:
+    """A count or a rate in no more room than a column has."""
+    return f"{number:.{decimals}f}" if number <= MANY else f">{MANY}"
 
 
 def word(state: State) -> str:

@@ -16,8 +16,8 @@ from typing import Any, Self
 import zenoh
 
 from omnivert.config import Config
-from omnivert.errors import DataError, UseError
 from omnivert.messages import Message
+from omnivert.wire import rivals
 from omnivert.wire.channels import HEALTH, Channel, health_key
 from omnivert.wire.codec import encode
 from omnivert.wire.endings import Signals, ended_by_force_after
@@ -27,7 +27,7 @@ from omnivert.wire.listening import answered, newest_answer, posted, taken
 from omnivert.wire.meter import Meter
 from omnivert.wire.presence import Presence
 from omnivert.wire.received import Received
-from omnivert.wire.settings import client_settings, router_settings
+from omnivert.wire.settings import cannot_listen, client_settings, no_router, router_settings
 
 __all__ = ["Bus", "Received", "Router"]
 
@@ -52,6 +52,7 @@ class Bus:
         self.instance = instance
         self.incarnation = secrets.token_bytes(8)
         self._patience_s = patience_s
+        self._settings = client_settings(config)
         self._session: zenoh.Session | None = None
         self._token: Any = None
         self._lock = threading.Lock()  # of the publishers and the token
@@ -97,19 +98,17 @@ class Bus:
 
     def _connected(self) -> zenoh.Session | None:
         """A session, as soon as the router is there; None when stopped before."""
-        config = _zenoh_config(client_settings(self.config))
-        endpoint = self.config.bus.endpoint
+        config, endpoint = _zenoh_config(self._settings), self.config.bus.endpoint
         began, told_s = time.monotonic(), 5.0
         while not self._stopped.is_set():
             try:
                 return zenoh.open(config)
             except zenoh.ZError as error:
-                reason = str(error).splitlines()[0]
                 waited_s = time.monotonic() - began
                 if self._patience_s is not None and waited_s > self._patience_s:
-                    raise DataError("OV401", f"no router at {endpoint}", reason, "omnivert up") from error
+                    raise no_router(endpoint) from error
                 if waited_s > told_s:
-                    _log.warning("no router at %s for %.0f s: %s", endpoint, waited_s, reason)
+                    _log.warning("no router at %s for %.0f s", endpoint, waited_s)
                     told_s *= 4.0
             self._stopped.wait(0.1)
         return None
@@ -118,6 +117,8 @@ class Bus:
         session = self._session
         if session is not None:
             with ended_by_force_after(_CLOSE_S):
+                if self._health.is_alive():
+                    self._health.join()
                 with suppress(zenoh.ZError):
                     self._publish_health()
                 self._session = None
@@ -151,19 +152,22 @@ class Bus:
         return holds()
 
     def refuse_beside(self, *services: str) -> None:
-        """Says that this service is here, and refuses to be beside others that publish the same.
+        """Says that this service is here, and refuses to be beside others that publish the same; see `rivals`.
 
-        raises  UseError when one of `services` is here
+        raises  UseError when one of `services` is here and does not give way
         """
-        self.ready()
-        if self._session is None:
-            return
-        for service in services:
-            for reply in self._session.liveliness().get(f"v1/@live/{service}/**", timeout=1.0):
-                if reply.ok is not None and str(reply.ok.key_expr) != self._presence.key:
-                    because = f"both publish the sensors of robot {self.config.robot.id}, and one {service} is here"
-                    what = f"{self.service} cannot run beside another {service}"
-                    raise UseError("OV402", what, because, "omnivert monitor")
+        known = rivals.Known(self._presence, self._tokens, services, self._stopped.is_set)
+        if rival := known.settled(self.ready, self._token is not None):
+            raise rivals.refusal(self.config.robot.id, self.service, rival)
+
+    def _tokens(self) -> frozenset[str] | None:
+        """The tokens that the router knows; None when it has not answered, or was not there all the while."""
+        with suppress(zenoh.ZError):
+            if (session := self._session) is not None and (router := session.info.routers_zid()):
+                replies = list(session.liveliness().get("v1/@live/**", timeout=1.0))
+                if all(reply.ok for reply in replies) and session.info.routers_zid() == router:
+                    return frozenset(str(reply.ok.key_expr) for reply in replies if reply.ok)
+        return None
 
     def _seen(self, sample: zenoh.Sample) -> None:
         self._presence.token(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
@@ -326,9 +330,7 @@ class Router:
         try:
             self._session = zenoh.open(self._config)
         except zenoh.ZError as error:
-            raise DataError(
-                "OV403", f"the router cannot listen on {', '.join(self.endpoints)}", str(error).splitlines()[0]
-            ) from error
+            raise cannot_listen(self.endpoints, error) from error
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:

@@ -25,7 +25,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 
 from omnivert.config import Config, with_rig
-from omnivert.errors import DataError
+from omnivert.errors import DataError, UseError
 from omnivert.messages import Health, Message, Playback
 from omnivert.wire.codec import VERSION, WireError, decode, encode
 
@@ -203,8 +203,15 @@ class Recording:
             raise DataError("OV306", f"{name} in {self.path} is damaged", str(error)) from error
 
     def config(self, base: Config) -> Config:
-        """`base` for the machine that made this recording."""
-        return with_rig(base, self.rig, str(self.path))
+        """`base` for the machine that made this recording.
+
+        raises  DataError when what it says of that machine cannot be
+        """
+        try:
+            return with_rig(base, self.rig, str(self.path))
+        except UseError as error:
+            what = f"{self.path} says something of its robot that cannot be"
+            raise DataError("OV307", what, f"{error}", "omnivert explain OV307") from error
 
     def messages(
         self,

@@ -95,7 +95,19 @@ def test_the_claim_names_what_it_holds_for(paper_told: tuple[list[Estimate], lis
     assert claims[0].camera == "front"
     assert claims[0].rig_digest == Config().rig_digest()
     assert claims[0].software.startswith("omnivert ")
-    assert all(b.frames - a.frames >= 15 for a, b in pairwise(claims))
+    assert all(b.frames - a.frames >= 15 for a, b in pairwise(claims[:-1]))
+
+
+def test_at_the_end_the_final_state_is_claimed_once(
+    paper_told: tuple[list[Estimate], list[Extrinsics], Calibrator],
+) -> None:
+    estimates, claims, calibrator = paper_told
+    last = estimates[-1]
+    assert last.mount is not None
+    assert last.state is State.CALIBRATED
+    assert (claims[-1].stamp_ns, claims[-1].frames, claims[-1].mount) == (last.stamp_ns, last.frame, last.mount)
+    assert sum(claim.stamp_ns == last.stamp_ns for claim in claims) == 1
+    assert calibrator.close() == ()
 
 
 @pytest.mark.parametrize(("path", "radius"), [("turn", 0.5), ("arc", 0.3), ("arc", 1.9), ("still", 0.5)])

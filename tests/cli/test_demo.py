@@ -54,6 +54,7 @@ def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Pa
         latest = store.latest("demo", "front")
     assert latest is not None
     assert latest.entry == body["entry"]
+    assert body["frames"] == 158  # the last one's: what is stored is the last row of the table
     assert latest.extrinsics.mount.rho_m == body["rho_m"]
     for state in ("not yet", "calibrated"):
         assert state in ran.stderr
@@ -82,14 +83,14 @@ def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path) -> None:
 
 
 PART = ParameterVerdict(State.CALIBRATED)
+MOUNT = Mount(0.1, 0.2, 0.3, np.eye(3))
 
 
 def heard_all() -> Heard:
     """Two frames played, the last one's estimate in, what was claimed stored."""
     heard = Heard(total_frames=2, end_ns=20)
-    mount = Mount(0.1, 0.2, 0.3, np.eye(3))
-    heard.step(Estimate(20, 2, mount, State.CALIBRATED, PART, PART, PART, "", 1.0, 1.0, 5, 0, 0))
-    heard.step(Extrinsics(20, "demo", "front", mount, State.CALIBRATED, 2, (), "omnivert 0.1.0", "x"))
+    heard.step(Estimate(20, 2, MOUNT, State.CALIBRATED, PART, PART, PART, "", 1.0, 1.0, 5, 0, 0))
+    heard.step(Extrinsics(20, "demo", "front", MOUNT, State.CALIBRATED, 2, (), "omnivert 0.1.0", "x"))
     heard.step(Receipt(20, "demo", "front", 1))
     heard.step(Playback(20, 2, 2, True))
     return heard
@@ -100,6 +101,8 @@ def test_the_demo_waits_for_the_receipt_of_the_last_claim() -> None:
     assert heard.complete
     heard.receipt = Receipt(10, "demo", "front", 1)
     assert not heard.complete
+    heard.step(Extrinsics(10, "demo", "front", MOUNT, State.CALIBRATED, 1, (), "omnivert 0.1.0", "x"))
+    assert not heard.complete  # the claim of the final state is on its way
 
 
 def test_the_demo_waits_for_the_last_frame_and_the_player() -> None:

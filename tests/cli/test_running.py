@@ -1,6 +1,8 @@
 """up and monitor on a real bus."""
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,9 +11,13 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 
-from omnivert.config import Config, parsed
-from omnivert.wire.bus import Router
+from omnivert.cli import up
+from omnivert.cli.settings import opened
+from omnivert.config import Config, load, parsed
+from omnivert.wire.bus import Bus, Router
+from omnivert.wire.recording import Recording
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
 
@@ -25,6 +31,87 @@ def test_a_monitor_on_a_bus_without_services_says_what_to_start(omnivert: Any, t
     assert "robot r2" in ran.out
     assert "WAITING" in ran.out
     assert "omnivert up" in ran.out
+
+
+def test_a_monitor_tells_its_one_state_as_json(omnivert: Any, tmp_path: Path) -> None:
+    endpoint = f"unixsock-stream/{tmp_path}/bus.sock"
+    config = parsed({**Config().model_dump(mode="json"), "bus": {"endpoint": endpoint}}, "test")
+    with Router(config), Bus(config, "vision", "front") as vision:
+        vision.ready()
+        vision.refuse("a fault")
+        told = omnivert("monitor", "--json", "--connect", endpoint).json
+    assert (told["robot"], told["state"], told["stored"]) == ("demo", "waiting", None)
+    (service,) = [service for service in told["services"] if service["service"] == "vision"]
+    assert service["present"]
+    assert service["health"]["refused"] == {"a fault": 1}
+
+
+def test_ctrl_c_while_it_loads_is_silent() -> None:
+    loads = "import builtins, os, signal\nfrom omnivert.cli import main\nwhole = builtins.__import__\n"
+    loads += "def half(name, *rest):\n    if name == 'typer': os.kill(os.getpid(), signal.SIGINT)\n"
+    loads += "    return whole(name, *rest)\nbuiltins.__import__ = half\nmain()"
+    done = subprocess.run([sys.executable, "-c", loads, "config"], capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
+
+
+def on_bus(folder: Path) -> Config:
+    return parsed({"bus": {"endpoint": f"unixsock-stream/{folder}/bus.sock"}}, "test")
+
+
+def test_a_playback_to_nobody_says_so_and_how_it_went(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    config = on_bus(tmp_path)
+    with Router(config):
+        ran = omnivert("play", straight, "--connect", config.bus.endpoint, "--speed", "0", "--to", "2")
+    assert ran.code == 0
+    assert "no vision service of robot demo listens" in ran.err
+    assert re.search(r"played \d+ messages, \d+ frames of them, in \d+\.\d s; 0 lost$", ran.err.strip())
+
+
+def test_a_playback_beside_a_bridge_is_refused_each_time_and_ends_cleanly(straight: Path, tmp_path: Path) -> None:
+    config = on_bus(tmp_path)
+    command = [*OMNIVERT, "play", str(straight), "--connect", config.bus.endpoint]
+    with Router(config), Bus(config, "bridge", "front") as bridge:
+        bridge.refuse_beside("player")
+        started = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(4)]
+        ended = [(process.communicate(timeout=60)[1], process.returncode) for process in started]
+    assert [code for _, code in ended] == [2] * 4, ended
+    for text, _ in ended:
+        assert "error[OV402]" in text
+        assert "omnivert up --play" in text
+        assert "FATAL" not in text
+
+
+def test_up_plays_a_recording_in_place_of_the_bridge(straight: Path, tmp_path: Path) -> None:
+    whole = Recording(straight).config(on_bus(tmp_path)).model_dump(mode="json")
+    whole["storage"]["path"] = str(tmp_path / "extrinsics.db")
+    (tmp_path / "robot.json").write_text(json.dumps(whole))
+    command = [*OMNIVERT, "up", "--config", str(tmp_path / "robot.json"), "--play", str(straight), "--speed", "0"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as up:
+        assert up.stderr is not None
+        told = []
+        for line in up.stderr:
+            told.append(line)
+            if "the playback has ended" in line:
+                break
+        up.send_signal(signal.SIGINT)
+        told += up.stderr.readlines()
+        assert up.wait(30) == 0, told
+    text = "".join(told)
+    assert "plays     straight.mcap, in place of the robot" in text
+    assert re.search(r"player: played \d+ messages, 24 frames of them, .* 0 lost", text)
+    assert "bridge" not in text
+
+
+def test_without_a_configuration_up_takes_the_rig_of_the_recording() -> None:
+    with up._file(None, "corridor") as file:
+        assert load(file).rig_digest() == opened("corridor").config(Config()).rig_digest()
+
+
+@pytest.mark.parametrize("options", [("--speed", "2"), ("--loop",)])
+def test_what_belongs_to_a_playback_needs_one(omnivert: Any, options: tuple[str, ...]) -> None:
+    ran = omnivert("up", "--config", "robot.toml", *options)
+    assert (ran.code, "omnivert up --play" in ran.err) == (2, True)
 
 
 def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path) -> None:

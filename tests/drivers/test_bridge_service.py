@@ -23,6 +23,7 @@ from omnivert.drivers.line_protocol import Sample, line_from_sample
 from omnivert.drivers.newest import Newest
 from omnivert.errors import UseError
 from omnivert.messages import Frame, Health, Message, Ticks
+from omnivert.wire import rivals
 from omnivert.wire.bus import Bus, Received, Router
 from omnivert.wire.channels import FRAME, HEALTH, TICKS
 from services import bridge
@@ -230,7 +231,8 @@ def test_a_folder_that_has_ended_leaves_the_bridge_alive(bridged: Bridged, confi
     assert bridged.thread.is_alive()
 
 
-def test_it_refuses_to_run_beside_a_player(config: Config) -> None:
+def test_it_refuses_to_run_beside_a_player_that_does_not_leave(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rivals, "LEAVE_S", 0.2)
     with Router(config), Bus(config, "player", "front") as player, Bus(config, "bridge", "front") as bus:
         player.ready()
         assert bus.await_presence(lambda: ("player", "front") in bus.present(), 20.0)

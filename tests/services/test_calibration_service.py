@@ -221,6 +221,18 @@ def test_the_end_of_another_playback_ends_nothing(bus: QuietBus) -> None:
     assert not NotingCalibrator.made[0].closed
 
 
+def test_a_service_that_ends_claims_what_it_knows(bus: QuietBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    desk = desk_on(bus)
+    desk.close()
+    drive = Drive(desk, b"run-1", replay=False)
+    drive.plays(0, 100)
+    final = extrinsics(90 * MS)
+    monkeypatch.setattr(NotingCalibrator, "close", lambda _: (final,))
+    desk.close()
+    channel, message, cause = bus.published[-1]
+    assert (channel, message, cause is not None and cause.run) == (EXTRINSICS, final, b"run-1")
+
+
 # ------------------------------------------------------------------ storage
 
 

@@ -27,7 +27,8 @@ from omnivert.messages import (
 )
 from omnivert.timeline import Timeline
 from omnivert.wire.recording import Recording, RecordingWriter
-from services import player
+from services import _clock, player
+from services._clock import Clock
 from services._credits import Credits
 from services._repeater import Repeater
 
@@ -143,8 +144,8 @@ class Now:
 @pytest.mark.parametrize("speed", [0.5, 1.0, 4.0])
 def test_messages_are_due_in_proportion_to_their_stamps(speed: float, monkeypatch: pytest.MonkeyPatch) -> None:
     now = Now()
-    monkeypatch.setattr(player, "time", now)
-    clock = player._Clock(speed, longest_pause_s=60.0)
+    monkeypatch.setattr(_clock, "time", now)
+    clock = Clock(speed, longest_pause_s=60.0)
     due = []
     for i in range(100):
         left = clock.until(7 * SECOND + i * 33 * MS)
@@ -155,8 +156,8 @@ def test_messages_are_due_in_proportion_to_their_stamps(speed: float, monkeypatc
 
 def test_a_long_gap_is_shortened_and_a_standstill_is_not_made_up_for(monkeypatch: pytest.MonkeyPatch) -> None:
     now = Now()
-    monkeypatch.setattr(player, "time", now)
-    clock = player._Clock(1.0, longest_pause_s=2.0)
+    monkeypatch.setattr(_clock, "time", now)
+    clock = Clock(1.0, longest_pause_s=2.0)
     assert clock.until(0) == 0.0
     assert clock.until(1000 * SECOND) == pytest.approx(2.0)
     now.s += 2.0 + 5.0
@@ -165,7 +166,7 @@ def test_a_long_gap_is_shortened_and_a_standstill_is_not_made_up_for(monkeypatch
 
 
 def test_at_full_speed_everything_is_due_at_once() -> None:
-    clock = player._Clock(0.0, longest_pause_s=60.0)
+    clock = Clock(0.0, longest_pause_s=60.0)
     assert [clock.until(i * SECOND) for i in range(3)] == [0.0, 0.0, 0.0]
 
 
@@ -206,6 +207,14 @@ def test_a_part_of_a_recording_is_played(tmp_path: Path) -> None:
     part = player._Part(recording(tmp_path / "a.mcap", messages), Config(), 2.0, 3.0)
     assert [m.stamp_ns for m in part.rounds(loop=False)] == [i * 100 * MS for i in range(20, 30)]
     assert part.count() == 10
+
+
+@pytest.mark.parametrize(("from_s", "to_s"), [(5.0, 3.0), (100.0, None), (None, 0.0)])
+def test_a_part_with_nothing_in_it_is_refused(tmp_path: Path, from_s: float | None, to_s: float | None) -> None:
+    whole = recording(tmp_path / "a.mcap", [ticks(i * 100 * MS) for i in range(100)])
+    with pytest.raises(DataError, match=r"in this part: it lasts 9\.9 s") as refused:
+        player._Part(whole, Config(), from_s, to_s)
+    assert refused.value.code == "OV305"
 
 
 def test_of_a_recording_without_frames_the_bearings_are_the_sensor(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.messages import Ticks
 from omnivert.wire.bus import Bus, Router
-from omnivert.wire.channels import TICKS
+from omnivert.wire.channels import PLAYBACK, TICKS
 from omnivert.wire.recording import Recording
 from services.recorder import unused
 from services.router import is_local
@@ -97,6 +97,22 @@ def test_a_playback_waits_in_vain_for_a_service_that_does_not_come(file: Path, c
         with pytest.raises(DataError, match="vision has not come") as refused:
             player.run(bus, hasty, recording, wait_for=("vision",))
         assert refused.value.code == "OV404"
+
+
+def test_a_player_stops_when_a_bridge_comes_and_the_bridge_waits_for_that(
+    file: Path, config: Config, folder: Path
+) -> None:
+    recording = folder / "a.mcap"
+    write_ticks(recording, config)
+    with Router(config), Bus(config, "test", "test") as bus:
+        told = bus.listen(PLAYBACK)
+        with process("player", file, "--recording", str(recording), "--loop") as it:
+            assert next(received for received in told if received is not None)
+            with Bus(config, "bridge", "front") as bridge:
+                bridge.refuse_beside("player", "bridge")
+                assert not bridge.incarnations("player")
+                _, said = it.communicate(timeout=DEADLINE_S)
+        assert (it.returncode, b"error[OV402]" in said) == (2, True), said
 
 
 def write_ticks(path: Path, config: Config) -> None:

@@ -210,6 +210,15 @@ def test_a_closed_writer_refuses_more(tmp_path: Path) -> None:
         writer.write(*drive()[0])
 
 
+@pytest.mark.parametrize("rig", [{"robot": {"wheel_bbse_m": 0.4}}, {"ring": {"r_max_px": 1e300}}, {"robbt": {}}])
+def test_a_rig_that_cannot_be_is_a_fault_of_the_data(tmp_path: Path, rig: dict[str, Any]) -> None:
+    recording = Recording(written(tmp_path / "a.mcap", drive(1)))
+    recording.rig = rig
+    with pytest.raises(DataError) as refused:
+        recording.config(Config())
+    assert (refused.value.code, refused.value.exit_code) == ("OV307", 1)
+
+
 def test_a_rig_that_is_not_whole_takes_the_rest_from_the_base(tmp_path: Path) -> None:
     recording = Recording(written(tmp_path / "a.mcap", drive(1)))
     recording.rig = {"robot": {"id": "other"}}

@@ -1,0 +1,70 @@
+"""Who gives way when two services would publish the same streams.
+
+Each says that it is here before it looks who else is, so that at least one of two sees the other. A player gives way
+to a bridge at any time. Of two of a kind the one that was here first stays; of two that come at once the one with the
+larger incarnation goes. Whoever stays waits until the other has gone.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from omnivert.errors import UseError
+from omnivert.wire.presence import Presence, Who, who_from_key
+
+LEAVE_S = 3.0  # for a rival that has to give way, to be gone
+ASK_AGAIN_S = 0.1
+
+
+def refusal(robot: str, service: str, rival: str) -> UseError:
+    because = f"both publish the sensors of robot {robot}, and one {rival} is here"
+    help = "omnivert up --play REC, which starts no bridge" if rival == "bridge" else "omnivert monitor"
+    return UseError("OV402", f"{service} cannot run beside another {rival}", because, help)
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Who is here of the services that publish the same, as this service's presence and the router know it.
+
+    asked  the presence keys that the router knows; None when it does not say
+    """
+
+    presence: Presence
+    asked: Callable[[], frozenset[str] | None]
+    services: tuple[str, ...]
+    stopped: Callable[[], bool]
+
+    def settled(self, ready: Callable[[], None], is_ready: bool) -> str:
+        """Says by `ready` that this service is here; returns the service to give way to, "" when there is none.
+
+        is_ready  whether that was said before
+        """
+        first = frozenset[Who]() if is_ready else self.rivals()
+        if staying := next((rival for rival in sorted(first) if not self._outlasts(rival)), None):
+            return staying[0]
+        ready()
+        began_s = time.monotonic()
+        while rivals := self.rivals():
+            for rival in sorted(rivals):
+                if self._gives_way(rival) or time.monotonic() - began_s > LEAVE_S:
+                    return rival[0]
+            self.presence.wait(lambda: self.stopped() or not self.presence.others(*self.services), ASK_AGAIN_S)
+        return ""
+
+    def rivals(self) -> frozenset[Who]:
+        """Those who are here, as soon as the router says so; nobody when stopped before."""
+        while not self.stopped():
+            keys = self.asked()
+            if keys is not None:
+                known = frozenset(who for key in keys if (who := who_from_key(key)) and who[0] in self.services)
+                return (known | self.presence.others(*self.services)) - {self.presence.me}
+            self.presence.wait(self.stopped, ASK_AGAIN_S)
+        return frozenset()
+
+    def _outlasts(self, rival: Who) -> bool:
+        return (self.presence.me[0], rival[0]) == ("bridge", "player")
+
+    def _gives_way(self, rival: Who) -> bool:
+        if self.presence.me[0] == rival[0]:
+            return self.presence.me[2] > rival[2]
+        return not self._outlasts(rival)
