@@ -154,5 +154,5 @@ class Rows:
 
 def _in_short(manoeuvre: str, room: int) -> str:
     """A manoeuvre in the room that a row leaves: in few words, then its first half, then its beginning."""
-    said = printable(manoeuvre).replace("about ", "").replace(" on the spot", "")
+    said = printable(manoeuvre).replace("about ", "").replace(" on the spot", "").replace(", then", ",")
     return said if len(said) <= room else short(said.partition(", ")[0], room)

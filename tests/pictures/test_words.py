@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnivert.messages import Mount, State
-from omnivert.pictures.words import Quantity, heading, mark, quantities, word
+from omnivert.pictures.words import Quantity, counted, heading, mark, printable, quantities, short, word
 
 
 @pytest.mark.parametrize(
@@ -45,3 +45,16 @@ def test_the_heading_is_known_when_the_errors_of_phi_and_psi_cancel() -> None:
 def test_states_are_told_by_words_and_marks_not_by_colour_alone() -> None:
     assert [word(state) for state in State] == ["waiting", "not yet", "usable", "calibrated", "moved", "invalid"]
     assert {mark(State.CALIBRATED), mark(State.NOT_YET), mark(State.INVALID), mark(State.WAITING)} == set("✓!✗–")
+
+
+@given(text=st.text())
+def test_a_text_from_the_network_is_printed_without_what_moves_a_cursor(text: str) -> None:
+    shown = printable(text)
+    assert shown.isprintable()
+    assert len(shown) == len(text)
+    assert printable(shown) == shown
+
+
+def test_texts_and_counts_keep_to_their_room() -> None:
+    assert [short("abcd", 4), short("abcde", 4)] == ["abcd", "abc…"]
+    assert [counted(9999), counted(10_000), counted(15.04, 1), counted(2**62)] == ["9999", ">9999", "15.0", ">9999"]

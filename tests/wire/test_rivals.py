@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -122,7 +122,8 @@ def test_a_player_that_is_refused_has_not_shown_itself(config: Config) -> None:
 @pytest.mark.parametrize("broken", ["no router", "timed out", "another router"])
 def test_an_answer_counts_only_from_a_router_that_was_there_all_the_while(config: Config, broken: str) -> None:
     bus = Bus(config, "player", "front")
-    routers = iter({"no router": [[], []], "timed out": [["r"], ["r"]], "another router": [["r"], ["s"]]}[broken])
+    seen = {"no router": ((), ()), "timed out": (("r",), ("r",)), "another router": (("r",), ("s",))}
+    routers: Iterator[tuple[str, ...]] = iter(seen[broken])
     reply = SimpleNamespace(ok=None if broken == "timed out" else SimpleNamespace(key_expr="v1/@live/x/y/00"))
     session: Any = SimpleNamespace(
         info=SimpleNamespace(routers_zid=lambda: next(routers)),
