@@ -3,6 +3,9 @@
 Each says that it is here before it looks who else is, so that at least one of two sees the other. A player gives way
 to a bridge at any time. Of two of a kind the one that was here first stays; of two that come at once the one with the
 larger incarnation goes. Whoever stays waits until the other has gone.
+
+An answer counts once it knows the asker. It must come from the router: of two who then ask, each after it is known,
+at least the later one is told of the other.
 """
 
 import time
@@ -39,23 +42,26 @@ class Known:
 
         is_ready  whether that was said before
         """
-        first = frozenset[Who]() if is_ready else self.rivals()
+        first = frozenset[Who]() if is_ready else self.rivals(shown=False)
         if staying := next((rival for rival in sorted(first) if not self._outlasts(rival)), None):
             return staying[0]
         ready()
         began_s = time.monotonic()
-        while rivals := self.rivals():
+        while rivals := self.rivals(shown=True):
             for rival in sorted(rivals):
                 if self._gives_way(rival) or time.monotonic() - began_s > LEAVE_S:
                     return rival[0]
             self.presence.wait(lambda: self.stopped() or not self.presence.others(*self.services), ASK_AGAIN_S)
         return ""
 
-    def rivals(self) -> frozenset[Who]:
-        """Those who are here, as soon as the router says so; nobody when stopped before."""
+    def rivals(self, shown: bool) -> frozenset[Who]:
+        """Those who are here, as soon as the router says so; nobody when stopped before.
+
+        shown  this service has said that it is here: an answer that does not know it yet is older than that
+        """
         while not self.stopped():
             keys = self.asked()
-            if keys is not None:
+            if keys is not None and (not shown or self.presence.key in keys):
                 known = frozenset(who for key in keys if (who := who_from_key(key)) and who[0] in self.services)
                 return (known | self.presence.others(*self.services)) - {self.presence.me}
             self.presence.wait(self.stopped, ASK_AGAIN_S)

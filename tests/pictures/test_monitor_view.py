@@ -240,7 +240,7 @@ def test_one_screen_alone_has_nothing_to_quit(view: View) -> None:
 def test_huge_numbers_do_not_widen_the_screen(view: View, estimate_of: Estimates) -> None:
     view.present(ALL)
     mount = Mount(0.0, 100.0, 0.0, np.diag([1e300] * 3))
-    view.step(estimate_of(100, mount=mount, lines_used=2**62, lines_new=2**62, driven_m=1e9, frame=2**62), 2.0)
+    view.step(estimate_of(100, mount=mount, lines_used=2**62, lines_new=2**62, driven_m=1e9), 2.0)
     for second in (1, 2):
         counts = {"gaps": {"k": 2**62}, "refused": {"r": 2**62}}
         view.step(health("vision", second, second * 2**60, **counts), float(second))
