@@ -4,7 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from omnivert.threads import one_thread
+
 PROJECT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread_each() -> None:
+    """As in the services; two test processes whose libraries each take all cores would wait for each other."""
+    one_thread()
 
 
 @pytest.fixture(scope="session")
