@@ -109,10 +109,8 @@ class Batch:
         return self._centres
 
     def cut_chain(self) -> None:
-        """The way to what follows is unknown: what was learned becomes the prior, and a new stretch begins."""
-        if self._stretch.keyframes:
-            self._cut(len(self._stretch.keyframes))
-        self._stretch = Stretch()
+        """The way to the next keyframe is unknown; from there on only the mount is the same."""
+        self._stretch.cut_chain()
 
     def _posed(self) -> Posed:
         settings = self._config.calibration

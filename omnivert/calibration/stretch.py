@@ -43,10 +43,21 @@ class Stretch:
         self._line: dict[int, tuple[Array, float, float]] = {}  # name -> anchor, u, w of the last solution
         self._renamed: dict[int, int] = {}  # track -> the line that it shows now
         self._names = 0
+        self._left_behind: set[int] = set()  # tracks from before the last break that have not come again
+
+    def cut_chain(self) -> None:
+        """The way to the next keyframe is unknown: every line is another one from there on, the mount is the same.
+
+        With no line in common, where the way goes on is a mere choice of coordinates: it goes on where it broke off.
+        """
+        self._left_behind.update(t for k in self.keyframes for t in k.track.tolist())
 
     def append(self, motion: Motion, track: Index, beta: Array, std: Array) -> None:
         order = np.argsort(track, kind="stable")
         track = track[order]
+        for again in self._left_behind.intersection(track.tolist()):
+            self._left_behind.remove(again)
+            self._renamed[again] = self._new_name()
         line = np.array([self._renamed.get(t, t) for t in track.tolist()], dtype=np.int64)
         self.keyframes.append(Keyframe(motion, line, track, beta[order], std[order]))
 
@@ -126,19 +137,23 @@ class Stretch:
         self._pose = np.column_stack([(known[:, :2] - [x, y]) @ back.T, known[:, 2] - turn])
         self._line = {n: (back @ (a - [x, y]), u - turn, w) for n, (a, u, w) in self._line.items()}
 
-    def _rename(self, name: int, first: int, last: int) -> None:
+    def _new_name(self) -> int:
         self._names -= 1
+        return self._names
+
+    def _rename(self, name: int, first: int, last: int) -> None:
+        fresh = self._new_name()
         newest = -1
         for f, k in enumerate(self.keyframes):
             here = k.line == name
             if not here.any():
                 continue
             if first <= f <= last:
-                k.line[here] = self._names
+                k.line[here] = fresh
             newest = f
         if newest == last:  # the track goes on with the other line
-            track = int(self.keyframes[newest].track[self.keyframes[newest].line == self._names][0])
-            self._renamed[track] = self._names
+            track = int(self.keyframes[newest].track[self.keyframes[newest].line == fresh][0])
+            self._renamed[track] = fresh
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int] | None:

@@ -264,6 +264,24 @@ def test_a_jump_of_the_counts_in_mid_drive_is_said_and_survived(paper_drive: Dri
         assert off @ np.linalg.solve(claim.mount.covariance, off) < 21.1
 
 
+@pytest.mark.parametrize("share", [0.2, 0.6])
+def test_a_break_in_the_counts_makes_no_claim_untrue(paper_drive: Drive, share: float) -> None:
+    """The parts of a drive before and after a break share their mount alone, and what one part leaves open stays so."""
+    stamps = [m.stamp_ns for m in paper_drive.messages]
+    broken_ns = stamps[0] + round(share * (stamps[-1] - stamps[0]))
+    messages = tuple(
+        replace(m, left=m.left + 2**40, right=m.right + 2**40) if isinstance(m, Ticks) and m.stamp_ns > broken_ns else m
+        for m in paper_drive.messages
+    )
+    estimates, claims, _ = told(messages)
+    assert any(e.stamp_ns > broken_ns and "broke off" in " ".join(e.reasons) for e in estimates)
+    last = estimates[-1].mount
+    assert last is not None
+    for mount in [*(claim.mount for claim in claims), last]:
+        off = error(mount, paper_drive)
+        assert off @ np.linalg.solve(mount.covariance, off) < 21.1  # chi-square of 3, 1 in 10 000
+
+
 def test_wild_counts_now_and_then_are_refused_and_cost_nothing(paper_drive: Drive) -> None:
     messages = tuple(
         replace(m, left=m.left + 400_000) if isinstance(m, Ticks) and k % 300 == 150 else m
