@@ -25,7 +25,7 @@ HOUSE = (
 ONE_ROOM = {
     "zenoh": "omnivert/wire/bus.py",
     "msgpack": "omnivert/wire/codec.py",
-    "mcap": "omnivert/wire/recording.py",
+    "mcap": "omnivert/wire/mcap_file.py",
     "filterpy": "omnivert/calibration/ekf.py",
     "sqlite3": "omnivert/store.py",
     "serial": "omnivert/drivers/serial_line.py",

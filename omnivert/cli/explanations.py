@@ -176,6 +176,13 @@ EXPLANATIONS = {
         "Neither a sensor nor a result said anything while this was recorded, so no file was kept.",
         "omnivert monitor shows which services of which robot are there; --robot and --connect choose.",
     ),
+    "OV309": Explanation(
+        "rig_changed",
+        "A recording carries the geometry of the robot that made it, and a digest of that. They do not fit each other, "
+        "or the geometry can not be found any more: bits of the file have changed. A wheel that is a little larger "
+        "would give a wrong mount that looks right, so nothing is calibrated.",
+        "Take a copy of the recording that is whole, or import its folder again.",
+    ),
     "OV310": Explanation(
         "import_refused",
         "The folder does not have the form that omnivert import frames reads: meta.json, frames.csv (index,t_s,file), "

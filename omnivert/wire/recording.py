@@ -1,36 +1,30 @@
 """Recordings: MCAP files whose topics are keys below the robot's namespace and whose messages are the codec's bytes.
 
-A chunk is closed every second, so that a file cut off in the middle is readable up to there. `Recording` reads whole
-and cut files by the same way: it walks over the chunks' headers, and opens a chunk when its time has come.
+A chunk is closed every second, so that a file cut off in the middle is readable up to there. `Recording` opens a chunk
+when its time has come.
 """
 
+import hashlib
 import heapq
 import json
-import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from io import BytesIO, FileIO
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self, cast
 
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-from mcap.records import Message as Record
-from mcap.stream_reader import breakup_chunk
-from mcap.writer import MCAP0_MAGIC, Writer
-
 from omnivert.config import Config, with_rig
 from omnivert.errors import DataError, UseError
 from omnivert.messages import Health, Message, Playback
+from omnivert.wire import mcap_file
 from omnivert.wire.codec import VERSION, WireError, decode, encode
 
 _CHUNK_NS = 1_000_000_000
-_META = "omnivert"  # name of the metadata record that holds the rig as JSON
+_LIBRARY = "omnivert"  # what its own recordings say that they are written by
+_META = "omnivert"  # name of the metadata record that holds the rig as JSON, and its SHA-256
 _HOST_CLOCK = {Health.__name__, Playback.__name__}  # stamps that are not a sensor's: no part of the recording's span
 
 
@@ -41,7 +35,7 @@ class RecordingWriter:
         self.path = path
         self.counts: Counter[str] = Counter()
         self._sink = _Sink(path)
-        self._writer = Writer(cast(BinaryIO, self._sink), chunk_size=4 * 2**20)
+        self._writer = mcap_file.Writer(cast(BinaryIO, self._sink), chunk_size=4 * 2**20)
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._chunk_ns: int | None = None
@@ -49,8 +43,9 @@ class RecordingWriter:
         self._guarded(lambda: self._start(config.rig()))
 
     def _start(self, rig: dict[str, Any]) -> None:
-        self._writer.start(profile="", library="omnivert")
-        self._writer.add_metadata(_META, {"rig": json.dumps(rig, sort_keys=True)})
+        text = json.dumps(rig, sort_keys=True)
+        self._writer.start(profile="", library=_LIBRARY)
+        self._writer.add_metadata(_META, {"rig": text, "rig_sha256": _sha256(text)})
         self._sink.keep()
 
     def write(self, key: str, message: Message) -> None:
@@ -139,23 +134,17 @@ class _Sink:
         with suppress(OSError):
             self._file.truncate(self._good)
             self._file.seek(self._good)
-            self.write(_END)
+            self.write(mcap_file.END)
         self._file.close()
 
     def close(self) -> None:
         self._file.close()
 
 
-_END = (  # the records that end a file which has no summary
-    struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQQQI", Opcode.FOOTER, 20, 0, 0, 0) + MCAP0_MAGIC
-)
-
-
 @dataclass(frozen=True, slots=True)
-class _ChunkPlace:
-    offset: int  # of the record's content
-    length: int
-    start_ns: int
+class _Chunk:
+    place: mcap_file.Place
+    start_ns: int  # of its messages
     end_ns: int
 
 
@@ -166,7 +155,8 @@ class Recording:
     start_ns    first and last stamp of what sensors and results say
     end_ns
     counts      messages by key
-    cut         why it ends early; "" when it is whole
+    cut         what is wrong with the file; "" when it is whole
+    lost        messages that were written and cannot be read, where the file says how many there were
     refused     messages that could not be read, by reason; grows while reading
     """
 
@@ -174,12 +164,14 @@ class Recording:
         self.path = path
         self.rig: dict[str, Any] = {}
         self.cut = ""
+        self.lost = 0
         self.counts: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
         self.start_ns = 0
         self.end_ns = 0
-        self._attachments: dict[str, tuple[int, int]] = {}
-        self._chunks: list[_ChunkPlace] = []
+        self._rig_fault = ""
+        self._attachments: dict[str, mcap_file.Place] = {}
+        self._chunks: list[_Chunk] = []
         self._topics: dict[int, tuple[str, str]] = {}  # channel -> key, message name
         self._schemas: dict[int, str] = {}  # schema -> message name
         try:
@@ -195,18 +187,20 @@ class Recording:
         return tuple(self._attachments)
 
     def attachment(self, name: str) -> bytes:
-        offset, length = self._attachments[name]
         try:
             with self.path.open("rb") as file:
-                return bytes(Attachment.read(_stream(file, offset, length)).data)
-        except (McapError, ValueError, struct.error) as error:
+                return mcap_file.attachment(file, self._attachments[name])
+        except mcap_file.FileError as error:
             raise DataError("OV306", f"{name} in {self.path} is damaged", str(error)) from error
 
     def config(self, base: Config) -> Config:
         """`base` for the machine that made this recording.
 
-        raises  DataError when what it says of that machine cannot be
+        raises  DataError when what it says of that machine cannot be, or is damaged
         """
+        if self._rig_fault:
+            what, again = f"the rig in {self.path} is damaged", "take a copy of it that is whole"
+            raise DataError("OV309", what, self._rig_fault, again)
         try:
             return with_rig(base, self.rig, str(self.path))
         except UseError as error:
@@ -252,91 +246,83 @@ class Recording:
                 *_, key, data = heapq.heappop(waiting)
                 yield key, data
             if chunk is not None:
-                for place, record in enumerate(self._opened(file, chunk)):
+                for place, record in enumerate(self._opened(file, chunk.place)):
                     key, name = self._topics.get(record.channel_id, ("", ""))
                     if low <= record.log_time < high and (names is None or name in names):
-                        heapq.heappush(waiting, (record.log_time, chunk.offset, place, key, record.data))
+                        heapq.heappush(waiting, (record.log_time, chunk.place.offset, place, key, record.data))
 
-    # ------------------------------------------------------------------ the walk over the file
+    # ------------------------------------------------------------------ what the file holds
 
     def _survey(self, file: BinaryIO) -> None:
-        size = file.seek(0, 2)
-        file.seek(0)
-        if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+        survey = mcap_file.surveyed(file)
+        if survey is None:
             raise DataError("OV302", f"{self.path} is no recording", "it does not begin as an MCAP file does")
-        spans: list[int] = []
-        while True:
-            offset = file.tell() + 9
-            head = file.read(9)
-            if len(head) < 9:
-                self.cut = "it ends in the middle"
-                break
-            opcode, length = struct.unpack("<BQ", head)
-            if offset + length > size:
-                self.cut = "it ends in the middle"
-                break
-            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                break
-            if opcode == Opcode.CHUNK:
-                place = _chunk_place(file, offset, length)
-                if place is None or not self._count(file, place, spans):
-                    self.refused["damaged chunk"] += 1
-                    self.cut = "a part of it is damaged"
-                else:
-                    self._chunks.append(place)
-            elif opcode == Opcode.METADATA:
-                self._take_rig(_stream(file, offset, length))
-            elif opcode == Opcode.ATTACHMENT:
-                named = int.from_bytes(_read(file, offset + 16, 4), "little")
-                name = _read(file, offset + 20, min(named, 1000)).decode(errors="replace")
-                self._attachments[name] = (offset, length)
-            file.seek(offset + length)
-        if spans:
-            self.start_ns, self.end_ns = min(spans), max(spans)
+        self.cut = survey.fault
+        self._attachments = survey.attachments
+        self._topics = {number: (topic, _message_name(schema)) for number, (topic, schema) in survey.channels.items()}
+        self._take_rig(file, survey)
+        sensed: list[tuple[int, int]] = []  # first and last stamp of each chunk
+        for place in survey.chunks:
+            try:
+                self._count(file, place, sensed)
+            except mcap_file.FileError:
+                self.refused["damaged chunk"] += 1
+                self.cut = mcap_file.DAMAGED
+        if sensed:
+            self.start_ns, self.end_ns = min(low for low, _ in sensed), max(high for _, high in sensed)
+        self.lost = max((survey.messages or 0) - self.counts.total(), 0)
 
-    def _take_rig(self, content: ReadDataStream) -> None:
-        try:
-            metadata = Metadata.read(content)
-            rig = json.loads(metadata.metadata.get("rig", "null")) if metadata.name == _META else None
-        except (McapError, ValueError, struct.error):
-            self.cut = "a part of it is damaged"
+    def _take_rig(self, file: BinaryIO, survey: mcap_file.Survey) -> None:
+        """The rig, or what is wrong with it: the wheels of another robot would give a wrong mount."""
+        held: dict[str, str] = {}
+        for place in survey.metadata:
+            try:
+                name, entries = mcap_file.metadata(file, place)
+            except mcap_file.FileError:
+                self.cut = mcap_file.DAMAGED
+            else:
+                held = entries if name == _META else held
+        text = held.get("rig")
+        if text is None:
+            self._rig_fault = "it can not be found any more" if survey.library == _LIBRARY else ""
             return
-        if isinstance(rig, dict) and all(isinstance(table, dict) for table in rig.values()):
+        try:
+            rig = json.loads(text)
+        except ValueError:
+            rig = None
+        if not isinstance(rig, dict) or not all(isinstance(table, dict) for table in rig.values()):
+            self._rig_fault = "it is no JSON object any more"
+        elif held.get("rig_sha256", _sha256(text)) != _sha256(text):  # recordings of before have none
+            self._rig_fault = "its digest does not fit"
+        else:
             self.rig = rig
 
-    def _count(self, file: BinaryIO, place: _ChunkPlace, spans: list[int]) -> bool:
-        try:
-            records = list(self._opened(file, place))
-        except Exception:  # noqa: BLE001 - each decompressor has errors of its own
-            return False
+    def _count(self, file: BinaryIO, place: mcap_file.Place, sensed: list[tuple[int, int]]) -> None:
+        records = list(self._opened(file, place))
+        if not records:
+            return
         for record in records:
-            key, name = self._topics.get(record.channel_id, ("", ""))
-            self.counts[key] += 1
-            if name not in _HOST_CLOCK:
-                spans.append(record.log_time)
-        return True
+            self.counts[self._topics.get(record.channel_id, ("", ""))[0]] += 1
+        stamps = [record.log_time for record in records]
+        self._chunks.append(_Chunk(place, min(stamps), max(stamps)))
+        of_sensors = [r.log_time for r in records if self._topics.get(r.channel_id, ("", ""))[1] not in _HOST_CLOCK]
+        if of_sensors:
+            sensed.append((min(of_sensors), max(of_sensors)))
 
-    def _opened(self, file: BinaryIO, place: _ChunkPlace) -> Iterator[Record]:
-        chunk = Chunk.read(_stream(file, place.offset, place.length))
-        for record in breakup_chunk(chunk, validate_crc=True):
+    def _opened(self, file: BinaryIO, place: mcap_file.Place) -> Iterator[mcap_file.Record]:
+        for record in mcap_file.chunk(file, place):
             match record:
-                case Schema():
-                    self._schemas[record.id] = record.name.removeprefix("omnivert.").removesuffix(f".v{VERSION}")
-                case Channel():
+                case mcap_file.Schema():
+                    self._schemas[record.id] = _message_name(record.name)
+                case mcap_file.Channel():
                     self._topics[record.id] = (record.topic, self._schemas.get(record.schema_id, ""))
-                case Record():
+                case mcap_file.Record():
                     yield record
 
 
-def _read(file: BinaryIO, offset: int, length: int) -> bytes:
-    file.seek(offset)
-    return file.read(length)
+def _message_name(schema: str) -> str:
+    return schema.removeprefix("omnivert.").removesuffix(f".v{VERSION}")
 
 
-def _stream(file: BinaryIO, offset: int, length: int) -> ReadDataStream:
-    return ReadDataStream(BytesIO(_read(file, offset, length)))
-
-
-def _chunk_place(file: BinaryIO, offset: int, length: int) -> _ChunkPlace | None:
-    head = _read(file, offset, 16)
-    return _ChunkPlace(offset, length, *struct.unpack("<QQ", head)) if len(head) == 16 and length >= 16 else None
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from omnivert.config import Config, Robot
 from omnivert.errors import DataError
 from omnivert.messages import Frame, Health, Message, PixelFormat, Ticks
+from omnivert.wire import mcap_file
 from omnivert.wire import recording as module
 from omnivert.wire.codec import encode
 from omnivert.wire.recording import Recording, RecordingWriter
@@ -21,6 +22,7 @@ SECOND = 1_000_000_000
 TICKS = "v1/encoder/base/ticks"
 FRAME = "v1/camera/front/frame"
 CONFIG = Config(robot=Robot(id="r7", wheel_base_m=0.5))
+CHUNK, DATA_END = 6, 15  # opcodes of MCAP
 
 
 def drive(seconds: int = 5) -> list[tuple[str, Message]]:
@@ -146,6 +148,96 @@ def test_a_damaged_chunk_is_left_out(tmp_path: Path) -> None:
     assert len(messages) - 70 < len(got) < len(messages)
     assert set(got) < set(as_bytes(messages))
     assert recording.cut == "a part of it is damaged"
+
+
+def flipped(path: Path, place: int, bit: int = 0) -> Path:
+    """A copy of the file with one bit turned over."""
+    data = bytearray(path.read_bytes())
+    data[place] ^= 1 << bit
+    path.with_suffix(".flipped").write_bytes(data)
+    return path.with_suffix(".flipped")
+
+
+def chunk_place(path: Path, number: int = 0) -> int:
+    """Where the record of a chunk begins."""
+    data, place, places = path.read_bytes(), 8, []
+    while data[place] != DATA_END:
+        places += [place] * (data[place] == CHUNK)
+        place += 9 + int.from_bytes(data[place + 1 : place + 9], "little")
+    return places[number]
+
+
+@pytest.mark.parametrize("behind", [9 + 60, 9 + 300])
+def test_a_wrong_bit_in_the_first_chunk_costs_that_chunk_only(tmp_path: Path, behind: int) -> None:
+    messages = drive()
+    path = written(tmp_path / "a.mcap", messages)
+    recording = Recording(flipped(path, chunk_place(path) + behind))
+    assert held(recording) == as_bytes(messages)[60:]
+    assert (recording.cut, recording.lost) == ("a part of it is damaged", 60)
+
+
+@pytest.mark.parametrize(("byte", "bit"), [(0, 3), (1, 0), (2, 1), (6, 7)])
+def test_a_wrong_bit_in_a_chunks_head_costs_nothing_and_is_said(tmp_path: Path, byte: int, bit: int) -> None:
+    messages = drive()
+    path = written(tmp_path / "a.mcap", messages)
+    recording = Recording(flipped(path, chunk_place(path) + byte, bit))
+    assert held(recording) == as_bytes(messages)
+    assert (recording.cut, recording.lost) == ("a part of it is damaged", 0)
+
+
+@pytest.mark.parametrize("back", [8, 20, 40, 200])
+def test_a_wrong_bit_in_the_summary_costs_nothing(tmp_path: Path, back: int) -> None:
+    messages = drive()
+    path = written(tmp_path / "a.mcap", messages)
+    recording = Recording(flipped(path, len(path.read_bytes()) - back))
+    assert held(recording) == as_bytes(messages)
+    assert (recording.start_ns, recording.end_ns) == (messages[0][1].stamp_ns, messages[-1][1].stamp_ns)
+
+
+def test_no_wrong_bit_of_the_rig_gives_another_rig(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.mcap", drive(1))
+    other = Config(robot=Robot(id="other"))
+    refused = 0
+    for place in range(chunk_place(path)):
+        for bit in (0, 5):
+            try:
+                given = Recording(flipped(path, place, bit)).config(other)
+            except DataError as error:
+                assert error.code in ("OV302", "OV309")  # noqa: PT017 - one of two right outcomes
+                refused += error.code == "OV309"
+            else:
+                assert given == CONFIG, (place, bit)
+    assert refused > 800
+
+
+def test_a_rig_without_a_digest_is_read_as_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Before(mcap_file.Writer):
+        def add_metadata(self, name: str, data: dict[str, str]) -> None:
+            super().add_metadata(name, {"rig": data["rig"]})
+
+    monkeypatch.setattr(mcap_file, "Writer", Before)
+    assert Recording(written(tmp_path / "a.mcap", drive(1))).config(Config()) == CONFIG
+
+
+def test_a_wrong_bit_in_an_attachment_is_found(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "a.mcap", CONFIG) as writer:
+        writer.write(*drive(1)[0])
+        writer.attach("truth.json", b"the very truth")
+    place = (tmp_path / "a.mcap").read_bytes().index(b"the very truth")
+    recording = Recording(flipped(tmp_path / "a.mcap", place))
+    with pytest.raises(DataError, match=r"truth\.json in .* is damaged") as refused:
+        recording.attachment("truth.json")
+    assert refused.value.code == "OV306"
+
+
+@pytest.mark.parametrize(("byte", "bit"), [(0, 6), (8, 6)])
+def test_without_a_summary_a_record_that_is_none_is_damage(tmp_path: Path, byte: int, bit: int) -> None:
+    messages = drive(3)
+    path = written(tmp_path / "a.mcap", messages)
+    path.write_bytes(path.read_bytes()[:-8])  # its writer was killed
+    recording = Recording(flipped(path, chunk_place(path, 1) + byte, bit))
+    assert recording.cut == ("a part of it is damaged" if byte == 0 else "it ends in the middle")
+    assert held(recording)[:60] == as_bytes(messages)[:60]
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
