@@ -62,6 +62,8 @@ def calibrate(
     outcome = calibration(source, rig, given)
     truth = results.truth_of(source)
     say.story(f"[cyan]drive[/]   {drive(outcome)}")
+    if given.cut:
+        say.story(f"[yellow]note[/]    the recording is not whole: {given.fault}")
     if picture is not None:
         write_picture(picture, outcome, source, rig, truth)
         say.story(f"[cyan]picture[/] {picture}")

@@ -25,7 +25,8 @@ class Given:
     rate_hz: float
     longest_gap_s: float  # between frames
     ticks: int
-    cut: str  # why the recording ends early; empty when it is whole
+    cut: str  # what is wrong with the recording; empty when it is whole
+    lost: int  # messages that can not be read any more, as far as it is known
 
     @classmethod
     def of(cls, recording: "Recording") -> "Given":
@@ -40,7 +41,13 @@ class Given:
             longest_gap_s=max(gaps, default=0.0),
             ticks=count(recording, TICKS),
             cut=recording.cut,
+            lost=recording.lost,
         )
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with the recording, and what that costs; empty when it is whole."""
+        return f"{self.cut}, {self.lost} messages are lost" if self.lost else self.cut
 
     def __str__(self) -> str:
         parts = [
@@ -49,7 +56,7 @@ class Given:
             f"{self.ticks} ticks",
         ]
         if self.cut:
-            parts.append(f"cut: {self.cut}")
+            parts.append(f"not whole: {self.fault}")
         return " · ".join(parts)
 
     def json(self) -> dict[str, Any]:
@@ -60,4 +67,5 @@ class Given:
             "longest_gap_s": self.longest_gap_s,
             "ticks": self.ticks,
             "cut": self.cut,
+            "lost": self.lost,
         }

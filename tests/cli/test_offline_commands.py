@@ -11,6 +11,7 @@ import pytest
 from omnivert.cli import results
 from omnivert.cli.calibrate import Outcome, refusal
 from omnivert.messages import Estimate, Mount, ParameterVerdict, State
+from omnivert.wire.recording import Recording
 
 
 def test_a_straight_drive_is_refused_with_what_is_missing(omnivert: Any, straight: Path) -> None:
@@ -34,6 +35,21 @@ def test_a_refusal_with_json_is_one_object_with_all_that_is_known(omnivert: Any,
     assert ran.json["verdict"] == "not_yet"
     assert ran.json["given"]["frames"] == 24
     assert ran.json["next_manoeuvre"]
+
+
+def test_a_recording_that_has_lost_a_part_is_told_with_what_was_lost(
+    omnivert: Any, straight: Path, tmp_path: Path
+) -> None:
+    data = bytearray(straight.read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    whole, ran = Recording(straight), omnivert("calibrate", tmp_path / "damaged.mcap", "--json")
+    given = ran.json["given"]
+    assert given["cut"] == "a part of it is damaged"
+    assert given["frames"] + given["ticks"] < sum(whole.counts.values())
+    assert 0 < given["lost"] < 100
+    (note,) = [line for line in ran.err.splitlines() if line.startswith("note ")]
+    assert f"not whole: a part of it is damaged, {given['lost']} messages are lost" in note
 
 
 def test_a_recording_without_ticks_is_refused(omnivert: Any, without_ticks: Path) -> None:
