@@ -187,7 +187,8 @@ EXPLANATIONS = {
         "import_refused",
         "The folder does not have the form that omnivert import frames reads: meta.json, frames.csv (index,t_s,file), "
         "encoders.csv (t_s,left_ticks,right_ticks). The message names the file and the row: a missing file or column, "
-        "a number that is none, times that run backwards, an image that cannot be read or lies outside the folder.",
+        "a number that is none, times that run backwards or jump by more than an hour, streams that have no time in "
+        "common, an image that cannot be read or lies outside the folder.",
         "Mend that row and import again; no half-written recording was left.",
     ),
     "OV311": Explanation(

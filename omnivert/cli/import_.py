@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from omnivert.cli import say
+from omnivert.cli.endings import cancelled_by_sigterm
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
 from omnivert.errors import UseError
 
@@ -29,7 +30,7 @@ def frames(
 
     if output.exists():
         raise UseError("OV208", f"{output} exists already", "a recording is never overwritten", "choose another name")
-    with say.progress("importing", None) as bar:
+    with cancelled_by_sigterm(), say.progress("importing", None) as bar:
         counts = import_frames(folder, output, settings(config), bar.reach).counts
     size = output.stat().st_size
     if as_json:

@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 from omnivert.config import Config
 from omnivert.drivers.image_file import frame_from_file
 from omnivert.formats.meta import Laser, Meta
+from omnivert.formats.regular import content
 from omnivert.formats.table import Row, refusal, rows, wide_rows
 from omnivert.messages import Frame, Message, Scan, Ticks
+
+NS_PER_S = 1_000_000_000
+LONGEST_GAP_S = 3600  # no drive stands still for so long: two drives in one file, or a wrong digit
+
+Stamps = list[tuple[str, int]]  # place of the row, its time in ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +56,13 @@ class FramesFolder:
         if (folder / "scans.csv").exists():
             laser = meta.laser()
             self._scans = [(row.place, _scan(row, laser)) for row in wide_rows(folder / "scans.csv", "t_s")]
-        _hold_in_order([(place, ticks.stamp_ns) for place, ticks in self._ticks])
-        _hold_in_order([(place, scan.stamp_ns) for place, scan in self._scans])
-        _hold_in_order([(image.place, image.stamp_ns) for image in self._images])
+        frames = [(image.place, image.stamp_ns) for image in self._images]
+        ticks = [(place, message.stamp_ns) for place, message in self._ticks]
+        scans = [(place, message.stamp_ns) for place, message in self._scans]
+        for stamps in (ticks, scans, frames):
+            _hold_in_order(stamps)
+        for stamps in (ticks, scans):
+            _hold_together(stamps, frames)
         firsts = [self._ticks[0][1].stamp_ns, self._images[0].stamp_ns, *(scan.stamp_ns for _, scan in self._scans[:1])]
         self.shift_ns = max(0, -min(firsts))
         counts = {"Frame": len(self._images), "Ticks": len(self._ticks), "Scan": len(self._scans)}
@@ -116,14 +126,32 @@ def _scan(row: Row, laser: Laser) -> Scan:
     return Scan(row.stamp_ns("t_s"), laser.angle_min_rad, laser.angle_increment_rad, heard)
 
 
-def _hold_in_order(stamps: list[tuple[str, int]]) -> None:
+def _hold_in_order(stamps: Stamps) -> None:
     for (_, before), (place, stamp) in pairwise(stamps):
         if stamp < before:
-            raise refusal(place, f"the time runs backwards, by {(before - stamp) / 1e9:.9g} s")
+            raise refusal(place, f"the time runs backwards, by {(before - stamp) / NS_PER_S:.9g} s")
+        if stamp - before > LONGEST_GAP_S * NS_PER_S:
+            raise refusal(place, f"the time jumps by {(stamp - before) / NS_PER_S:.9g} s; one drive has no such gap")
+
+
+def _hold_together(stamps: Stamps, frames: Stamps) -> None:
+    """Both are of one drive only if they have some time in common."""
+    if not stamps:
+        return
+    (first, first_ns), (last, last_ns) = stamps[0], stamps[-1]
+    (frame, frame_ns), (last_frame, last_frame_ns) = frames[0], frames[-1]
+    if first_ns > last_frame_ns:
+        later_s = (first_ns - last_frame_ns) / NS_PER_S
+        raise refusal(
+            first, f"begins {later_s:.9g} s after the last frame ({last_frame}): not of one drive or one clock"
+        )
+    if last_ns < frame_ns:
+        far = f"ends {(frame_ns - last_ns) / NS_PER_S:.9g} s before the first frame ({frame})"
+        raise refusal(last, f"{far}: not of one drive, or not of one clock")
 
 
 def _content(path: Path, place: str) -> bytes:
     try:
-        return path.read_bytes()
+        return content(path)
     except OSError as error:
         raise refusal(place, f"cannot be read: {error.strerror or error}") from error

@@ -1,5 +1,6 @@
 """A folder of images, encoder counts and scans -> a recording."""
 
+import glob
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,6 +27,7 @@ def import_frames(
     keys = {channel.message: channel.key(given.config) for channel in CHANNELS}
     total = sum(given.counts.values())
     begun = out.with_name(f".{out.name}.{os.getpid()}.part")
+    _clear_away(out)
     try:
         with RecordingWriter(begun, given.config) as writer:
             for done, message in enumerate(given.messages(), 1):
@@ -43,3 +45,22 @@ def import_frames(
         with suppress(OSError):
             begun.unlink(missing_ok=True)
     return given
+
+
+def _clear_away(out: Path) -> None:
+    """Removes what imports of the same recording that were killed have left."""
+    for part in out.parent.glob(f".{glob.escape(out.name)}.*.part"):
+        process = part.name.removesuffix(".part").rpartition(".")[2]
+        if process.isdecimal() and not _is_alive(int(process)):
+            with suppress(OSError):
+                part.unlink()
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # somebody else's
+        return True
+    return True

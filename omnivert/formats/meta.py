@@ -7,6 +7,7 @@ from typing import Any
 
 from omnivert.config import Config, with_rig
 from omnivert.errors import DataError, UseError
+from omnivert.formats.regular import content
 from omnivert.formats.table import refusal
 
 LONGEST_RANGE_M = 1e4  # what a Scan can say
@@ -33,7 +34,7 @@ class Meta:
     def __init__(self, path: Path) -> None:
         self._name = path.name
         try:
-            given = json.loads(path.read_text(encoding="utf-8"))
+            given = json.loads(content(path).decode("utf-8-sig"))
         except FileNotFoundError:
             raise refusal(self._name, f"there is no such file in {path.parent}") from None
         except OSError as error:

@@ -1,13 +1,16 @@
 """CSV files read strictly: every refusal is one line that names the file and the row."""
 
 import csv
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from io import StringIO
 from math import isfinite
 from pathlib import Path
 
 from omnivert.errors import DataError
+from omnivert.formats.regular import content
 
 NS_PER_S = 10**9
 EARLIEST_S = Decimal(-(2**28))  # 8 years before any origin, and 136 after it; together they fit a stamp
@@ -81,19 +84,22 @@ def _records(path: Path) -> Iterator[tuple[str, list[str], list[str]]]:
     header: list[str] = []
     empty = True
     try:
-        with path.open(encoding="utf-8-sig", newline="") as lines:
-            reader = csv.reader(lines, strict=True)
-            for fields in reader:
-                place = f"{path.name}, row {reader.line_num}"
-                if not any(field.strip() for field in fields):
-                    continue
-                if not header:
-                    header = [field.strip() for field in fields]
-                    continue
-                if len(fields) != len(header):
-                    raise refusal(place, f"{len(fields)} fields where the header has {len(header)}")
-                empty = False
-                yield place, header, fields
+        lines = StringIO(content(path).decode("utf-8-sig"), newline="")
+        reader = csv.reader(lines, strict=True)
+        for fields in reader:
+            place = f"{path.name}, row {reader.line_num}"
+            if not any(field.strip() for field in fields):
+                continue
+            if not header:
+                header = [field.strip() for field in fields]
+                twice = [name for name, times in Counter(header).items() if name and times > 1]
+                if twice:
+                    raise refusal(place, f"the header has the column {twice[0]!r} twice")
+                continue
+            if len(fields) != len(header):
+                raise refusal(place, f"{len(fields)} fields where the header has {len(header)}")
+            empty = False
+            yield place, header, fields
     except FileNotFoundError:
         raise refusal(path.name, f"there is no such file in {path.parent}") from None
     except OSError as error:

@@ -2,6 +2,10 @@
 
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -109,18 +113,28 @@ def test_scans_and_truth_may_be_missing(folder: Path) -> None:
     assert {type(message) for message in messages(imported(folder))} == {Ticks, Frame}
 
 
-def test_times_may_have_any_origin(folder: Path) -> None:
-    (folder / "scans.csv").unlink()
-    (folder / "frames.csv").write_text("t_s,file,index\n1700000000.123456789,frames/0.jpg,0\n")
-    (folder / "encoders.csv").write_text("t_s,left_ticks,right_ticks\n-0.5,0,0\n0,0,0\n1700000001,1,1\n")
+def test_times_may_begin_before_zero(folder: Path) -> None:
+    (folder / "encoders.csv").write_text("t_s,left_ticks,right_ticks\n-0.5,0,0\n0,0,0\n0.3,1,1\n")
     given = FramesFolder(folder, Config())
     assert given.shift_ns == 500_000_000
-    assert [message.stamp_ns for message in given.messages()] == [
-        0,
-        500_000_000,
-        1700000000_623456789,
-        1700000001_500000000,
-    ]
+    ticks = [message.stamp_ns for message in given.messages() if isinstance(message, Ticks)]
+    assert ticks == [0, 500_000_000, 800_000_000]
+
+
+def test_times_may_count_from_1970_to_the_nanosecond(folder: Path) -> None:
+    (folder / "scans.csv").unlink()
+    (folder / "frames.csv").write_text("t_s,file,index\n1700000000.123456789,frames/0.jpg,0\n")
+    (folder / "encoders.csv").write_text("t_s,left_ticks,right_ticks\n1700000000,0,0\n1700000001,1,1\n")
+    given = FramesFolder(folder, Config())
+    assert given.shift_ns == 0
+    stamps = [message.stamp_ns for message in given.messages()]
+    assert stamps == [1700000000_000000000, 1700000000_123456789, 1700000001_000000000]
+
+
+@pytest.mark.parametrize("name", ["meta.json", "frames.csv", "encoders.csv", "scans.csv"])
+def test_a_byte_order_mark_at_the_beginning_is_no_part_of_it(folder: Path, name: str) -> None:
+    (folder / name).write_bytes(b"\xef\xbb\xbf" + (folder / name).read_bytes())
+    assert FramesFolder(folder, Config()).counts == {"Frame": 3, "Ticks": 6, "Scan": 3}
 
 
 def test_progress_is_told(folder: Path, tmp_path: Path) -> None:
@@ -171,6 +185,28 @@ def resized(folder: Path) -> None:
 def linked_out(folder: Path) -> None:
     (folder / "frames" / "1.png").rename(folder.parent / "secret.png")
     (folder / "frames" / "1.png").symlink_to(folder.parent / "secret.png")
+
+
+def pipe_at(name: str) -> Damage:
+    def damage(folder: Path) -> None:
+        (folder / name).unlink()
+        os.mkfifo(folder / name)
+
+    return damage
+
+
+def later(name: str, by_s: float) -> Damage:
+    """All times of a table moved."""
+
+    def damage(folder: Path) -> None:
+        header, *lines = (folder / name).read_text().splitlines()
+        column = header.split(",").index("t_s")
+        moved = [line.split(",") for line in lines]
+        for fields in moved:
+            fields[column] = f"{float(fields[column]) + by_s}"
+        (folder / name).write_text("\n".join([header, *(",".join(fields) for fields in moved)]))
+
+    return damage
 
 
 @pytest.mark.parametrize(
@@ -224,6 +260,16 @@ def linked_out(folder: Path) -> None:
         (written("frames/2.pgm", b"P5"), ("frames.csv, row 4", "frames/2.pgm")),
         (written("frames/2.pgm", b""), ("frames.csv, row 4", "empty")),
         (resized, ("frames.csv, row 3", "64 x 20", "64 x 48")),
+        (pipe_at("frames/1.png"), ("frames.csv, row 3", "frames/1.png", "no regular file")),
+        (pipe_at("meta.json"), ("meta.json", "no regular file")),
+        (pipe_at("encoders.csv"), ("encoders.csv", "no regular file")),
+        (later("encoders.csv", 1000.0), ("encoders.csv, row 2", "999.8 s after", "frames.csv, row 4", "one clock")),
+        (later("encoders.csv", -1000.0), ("encoders.csv, row 7", "999.75 s before", "frames.csv, row 2")),
+        (later("scans.csv", 10000.0), ("scans.csv, row 2", "after the last frame")),
+        (replaced("frames.csv", "2,0.2000000004", "2,1e9"), ("frames.csv, row 4", "jumps by 1e+09 s")),
+        (replaced("encoders.csv", "0.25,", "3600.3,"), ("encoders.csv, row 7", "jumps by 3600.1 s")),
+        (replaced("encoders.csv", "right_ticks", "left_ticks"), ("encoders.csv, row 1", "'left_ticks' twice")),
+        (replaced("scans.csv", "r3", "t_s"), ("scans.csv, row 1", "'t_s' twice")),
         (linked_out, ("frames.csv, row 3", "leaves the folder")),
     ],
 )
@@ -268,6 +314,30 @@ def test_a_place_below_a_file_is_named(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(DataError, match="cannot write"):
         import_frames(folder, tmp_path / "file" / "out.mcap")
+
+
+def test_what_a_killed_import_has_left_is_cleared_away_by_the_next(folder: Path, tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    stale, other = tmp_path / f".out.mcap.{ended.pid}.part", tmp_path / f".other.mcap.{ended.pid}.part"
+    working = tmp_path / f".out.mcap.{os.getppid()}.part"
+    for part in (stale, other, working):
+        part.write_bytes(b"half")
+    import_frames(folder, tmp_path / "out.mcap")
+    assert [part.exists() for part in (stale, other, working)] == [False, True, True]
+
+
+def test_sigterm_leaves_nothing_behind(folder: Path, tmp_path: Path) -> None:
+    here = tmp_path / "out"
+    here.mkdir()
+    command = "import os, signal, sys\nfrom omnivert.formats import folder\nread = folder.frame_from_file\n"
+    command += "def terminated(*rest):\n    os.kill(os.getpid(), signal.SIGTERM)\n    return read(*rest)\n"
+    command += "folder.frame_from_file = terminated\nfrom omnivert.cli import main\nmain()"
+    arguments = ["import", "frames", str(folder), "-o", str(here / "out.mcap")]
+    done = subprocess.run([sys.executable, "-c", command, *arguments], capture_output=True, timeout=60, check=False)
+    assert done.returncode == 128 + signal.SIGTERM
+    assert (done.stdout, b"Traceback" in done.stderr) == (b"", False)
+    assert list(here.iterdir()) == []
 
 
 @given(data=st.binary(max_size=300))
