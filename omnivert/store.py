@@ -256,8 +256,8 @@ def restorable(entry: Entry, config: Config) -> tuple[bool, str]:
     stored, mount = entry.extrinsics, entry.extrinsics.mount
     if (stored.robot, stored.camera) != (config.robot.id, config.camera.id):
         return False, f"stored for {stored.robot}/{stored.camera}, this is {config.robot.id}/{config.camera.id}"
-    if stored.rig_digest != config.rig_digest():
-        return False, "stored for another rig: wheels, encoders, image size, bearing sign or ring have changed"
+    if changes := config.rig_changes(stored.rig_digest):
+        return False, f"stored for another rig: what differs is {'; '.join(changes)}"
     if _major(stored.software) != _major(f"omnivert {__version__}"):
         return False, f"stored by {stored.software}, this is omnivert {__version__}"
     if stored.state != State.CALIBRATED:

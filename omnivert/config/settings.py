@@ -262,9 +262,30 @@ class Config(Section):
         return {table: getattr(self, table).model_dump(mode="json", include=keys) for table, keys in _RIG.items()}
 
     def rig_digest(self) -> str:
-        """Fingerprint of all that a stored mount depends on."""
-        geometry = {table: {key: rig[key] for key in sorted(rig.keys() - _FREE)} for table, rig in self.rig().items()}
-        return hashlib.sha256(json.dumps(geometry, sort_keys=True).encode()).hexdigest()[:16]
+        """Fingerprint of all that a stored mount depends on: eight digits for each table that has a part in it."""
+        values = self._mount_depends_on().values()
+        return "-".join(hashlib.sha256(json.dumps(part, sort_keys=True).encode()).hexdigest()[:8] for part in values)
+
+    def rig_changes(self, digest: str) -> tuple[str, ...]:
+        """Where this configuration differs from that of another `rig_digest`: "table (key, key ...)"; () when nowhere.
+
+        A digest of another form can be compared only as a whole.
+        """
+        ours, theirs = self.rig_digest().split("-"), digest.split("-")
+        tables = self._mount_depends_on()
+        if len(ours) != len(theirs):
+            return (f"{', '.join(tables)} (which one can not be told from {digest})",)
+        return tuple(
+            f"{table} ({', '.join(keys)})"
+            for (table, keys), our, their in zip(tables.items(), ours, theirs, strict=True)
+            if our != their
+        )
+
+    def _mount_depends_on(self) -> dict[str, dict[str, Any]]:
+        depends = {table: {key: rig[key] for key in sorted(rig.keys() - _FREE)} for table, rig in self.rig().items()}
+        depends["camera"]["stamp_delay_s"] = self.camera.stamp_delay_s  # turns the mount by the way in that time
+        depends["calibration"] = {"mode": self.calibration.mode}
+        return depends
 
 
 _RIG: dict[str, set[str]] = {

@@ -58,15 +58,22 @@ def test_a_covariance_of_very_unlike_units_is_still_one() -> None:
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "named"),
     [
-        {"robot": {"wheel_base_m": 0.41}},
-        {"encoder": {"ticks_per_rev": 1000}},
-        {"camera": {"bearing_sign": -1}},
-        {"ring": {"r_max_px": 230.0}},
+        ({"robot": {"wheel_base_m": 0.41}}, "robot (id, wheel_base_m)"),
+        ({"encoder": {"ticks_per_rev": 1000}}, "encoder (id, left_sign, right_sign, ticks_per_rev, wheel_diameter_m)"),
+        ({"camera": {"bearing_sign": -1}}, "camera (bearing_sign, height_px, id, width_px, stamp_delay_s)"),
+        ({"camera": {"stamp_delay_s": 0.016}}, "camera (bearing_sign, height_px, id, width_px, stamp_delay_s)"),
+        ({"ring": {"r_max_px": 230.0}}, "ring (r_max_px, r_min_px)"),
+        ({"calibration": {"mode": "paper"}}, "calibration (mode)"),
     ],
 )
-def test_a_changed_rig_is_another_rig(change: dict[str, Any]) -> None:
+def test_a_changed_rig_is_another_rig_and_where_it_differs_is_said(change: dict[str, Any], named: str) -> None:
     allowed, why = restorable(Entry(1, "", GOOD), parsed(change, ""))
     assert not allowed
-    assert "another rig" in why
+    assert why == f"stored for another rig: what differs is {named}"
+
+
+def test_what_does_not_move_the_mount_changes_no_rig() -> None:
+    free = parsed({"camera": {"frame_rate_hz": 30.0, "source": "1"}, "ring": {"center_px": [320.0, 240.0]}}, "")
+    assert restorable(Entry(1, "", GOOD), free) == (True, "")
