@@ -1,4 +1,4 @@
-"""Extrinsics in SQLite: all of them, durable when `put` returns, and the rule for taking one up again."""
+"""Extrinsics in SQLite: all of them, durable when `put` returns."""
 
 import fcntl
 import json
@@ -13,8 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from omnivert import __version__
-from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.messages import Extrinsics, Mount, State
 
@@ -142,6 +140,7 @@ class Store:
 
     def _selected(self, which: str, values: tuple[Value, ...]) -> list[Entry]:
         with self._one_at_a_time, self._troubles("be read"):
+            self._check_in_place()
             question = f"SELECT entry, saved_at, {COLUMNS} FROM extrinsics {which}"
             return [_entry(row) for row in self._connection.execute(question, values).fetchall()]
 
@@ -158,6 +157,9 @@ class Store:
                     if self.path.with_name(f"{self.path.name}-wal").exists():
                         raise
                     return self._connected("ro&immutable=1")  # the folder cannot be written, and nobody has it open
+        if self.path.is_dir():
+            help = "set storage.path to a file"
+            raise StoreError("OV602", f"the store {self.path} cannot be opened", "it is a folder", help)
         if not self.path.parent.is_dir():
             because = f"there is no folder {self.path.parent}"
             raise StoreError("OV602", f"the store {self.path} cannot be opened", because, f"mkdir {self.path.parent}")
@@ -233,7 +235,9 @@ class Store:
         except OSError as error:
             raise StoreError("OV602", f"the store {self.path} cannot {doing}", str(error)) from error
         except ValueError as error:  # a row that none of our versions wrote
-            raise StoreError("OV603", f"the store {self.path} cannot {doing}", f"it is damaged ({error})") from error
+            raise StoreError(
+                "OV603", f"the store {self.path} cannot {doing}", f"it is damaged ({_in_one_line(error)})"
+            ) from error
 
     def _trouble(self, error: sqlite3.Error, doing: str) -> StoreError:
         what = f"the store {self.path} cannot {doing}"
@@ -242,45 +246,15 @@ class Store:
             return StoreError("OV601", what, because, f"fuser {self.path}   # shows who")
         if _is_corrupt(error):
             help = "omnivert up --config robot.toml   # sets it aside, begins a new one"
-            return StoreError("OV603", what, f"it is damaged ({error})", help)
-        return StoreError("OV602", what, str(error), "set storage.path to a file in a folder that you may write")
+            return StoreError("OV603", what, f"it is damaged ({_in_one_line(error)})", help)
+        return StoreError(
+            "OV602", what, _in_one_line(error), "set storage.path to a file in a folder that you may write"
+        )
 
     def _check_in_place(self) -> None:
         """Whether the name still leads to the file that is open: what goes into a removed file is lost."""
         if _identity(self.path) != self._file:
             raise StoreError("OV606", f"the store {self.path} was moved or removed", "while it was open")
-
-
-def restorable(entry: Entry, config: Config) -> tuple[bool, str]:
-    """Whether a stored mount holds for this configuration; if not, why, in words that end in a reason."""
-    stored, mount = entry.extrinsics, entry.extrinsics.mount
-    if (stored.robot, stored.camera) != (config.robot.id, config.camera.id):
-        return False, f"stored for {stored.robot}/{stored.camera}, this is {config.robot.id}/{config.camera.id}"
-    if changes := config.rig_changes(stored.rig_digest):
-        return False, f"stored for another rig: what differs is {'; '.join(changes)}"
-    if _major(stored.software) != _major(f"omnivert {__version__}"):
-        return False, f"stored by {stored.software}, this is omnivert {__version__}"
-    if stored.state != State.CALIBRATED:
-        return False, f"stored as {stored.state.value.replace('_', ' ')}, not as calibrated"
-    numbers = np.array([mount.phi_rad, mount.rho_m, mount.psi_rad])
-    if not (np.isfinite(numbers).all() and mount.rho_m >= 0.0 and _is_covariance(mount)):
-        return False, "stored with numbers that cannot be: not finite, or a covariance that is not positive definite"
-    return True, ""
-
-
-def _major(software: str) -> str:
-    return software.rpartition(" ")[2].partition(".")[0]
-
-
-def _is_covariance(mount: Mount) -> bool:
-    covariance = mount.covariance
-    if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
-        return False
-    scale = np.sqrt(np.abs(np.diag(covariance)))
-    if not (scale > 0.0).all():
-        return False
-    correlation = covariance / np.outer(scale, scale)  # of like size, whatever the units
-    return bool(np.allclose(correlation, correlation.T, atol=1e-9) and np.linalg.eigvalsh(correlation)[0] > 1e-12)
 
 
 def _values(extrinsics: Extrinsics) -> tuple[Value, ...]:
@@ -307,6 +281,12 @@ def _entry(row: tuple[Value, ...]) -> Entry:
 def _code(error: sqlite3.Error) -> int:
     """SQLite's primary result code; 0 when the error is not SQLite's own."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF
+
+
+def _in_one_line(error: Exception) -> str:
+    """What it says, without the headings of SQLite's own check."""
+    lines = (line.strip() for line in str(error).splitlines())
+    return "; ".join(line for line in lines if line and not line.startswith("***"))
 
 
 def _is_corrupt(error: sqlite3.Error) -> bool:

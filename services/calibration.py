@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Playback, Receipt, Ticks
-from omnivert.store import Entry, restorable
+from omnivert.store import Entry
+from omnivert.store_rules import restorable
 from omnivert.timeline import Timeline
 from omnivert.wire.bus import Bus, Received
 from omnivert.wire.channels import BEARINGS, ESTIMATE, EXTRINSICS, PLAYBACK, RECEIPT, TICKS

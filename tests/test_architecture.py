@@ -16,7 +16,7 @@ HOUSE = (
     ("omnivert.timeline", "omnivert.odometry"),
     ("omnivert.vision", "omnivert.calibration", "omnivert.drivers", "omnivert.simulation"),
     ("omnivert.wire",),
-    ("omnivert.store", "omnivert.formats", "omnivert.pictures"),
+    ("omnivert.store", "omnivert.store_rules", "omnivert.formats", "omnivert.pictures"),
     ("omnivert.offline",),
     ("services",),
     ("omnivert.bench",),

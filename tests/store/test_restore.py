@@ -9,7 +9,8 @@ import pytest
 from omnivert import __version__
 from omnivert.config import Config, parsed
 from omnivert.messages import Extrinsics, Mount, State
-from omnivert.store import Entry, restorable
+from omnivert.store import Entry
+from omnivert.store_rules import restorable
 
 CONFIG = Config()
 MOUNT = Mount(-0.34, 0.23, 0.33, np.diag([1e-4, 1e-6, 1e-4]))

@@ -278,6 +278,40 @@ def test_a_folder_that_cannot_be_written_is_named_with_the_cure(unwritable: Path
         assert store.entries() == []
 
 
+def test_what_is_wrong_with_a_damaged_file_is_said_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "x.db"
+    with Store(path) as store:
+        for stamp in range(200):
+            store.put(extrinsics(stamp))
+    bad = bytearray(path.read_bytes())
+    bad[2 * 4096 : 3 * 4096] = bytes(4096)
+    path.write_bytes(bad)
+    with pytest.raises(StoreError) as refusal:
+        Store(path, writable=False)
+    assert refusal.value.code == "OV603"
+    assert "\n" not in str(refusal.value)
+    assert "***" not in str(refusal.value)
+    assert "page 3" in str(refusal.value).lower()
+
+
+def test_what_was_taken_away_is_not_told_as_stored(tmp_path: Path) -> None:
+    with Store(tmp_path / "x.db") as store:
+        store.put(extrinsics(1))
+        (tmp_path / "x.db").rename(tmp_path / "moved.db")
+        with pytest.raises(StoreError) as refusal:
+            store.latest("demo", "front")
+    assert refusal.value.code == "OV606"
+
+
+@pytest.mark.parametrize("name", ["", "folder"])
+def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(StoreError, match="it is a folder") as refusal:
+        Store(Path(name))
+    assert "storage.path" in refusal.value.help
+
+
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no folder"):
         Store(tmp_path / "nowhere" / "x.db")
