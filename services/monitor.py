@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.live import Live
 
 from omnivert.config import Config
+from omnivert.messages import Receipt
 from omnivert.pictures.monitor_view import View
 from omnivert.wire import channels
 from omnivert.wire.bus import Bus
@@ -46,9 +47,12 @@ def run(
     if not console.is_terminal:
         console = Console(highlight=False, width=100)
     view = View(config, config.bus.endpoint, rate_known)
-    stored = bus.ask(channels.EXTRINSICS, timeout_s=1.0)
-    if stored is not None:
-        view.step(stored, time.monotonic())
+    claimed = bus.ask(channels.EXTRINSICS, timeout_s=1.0)
+    if claimed is not None:
+        view.step(claimed, time.monotonic())
+    receipt = bus.ask(channels.RECEIPT, timeout_s=1.0)
+    if isinstance(receipt, Receipt):
+        view.acknowledge(receipt, time.monotonic())
     on_screen = console.is_terminal and not once
     period_s = ONCE_S if once else SCREEN_S if on_screen else LINE_S
     shown = time.monotonic()

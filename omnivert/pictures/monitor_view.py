@@ -19,6 +19,7 @@ from omnivert.messages import (
     Message,
     Mount,
     ParameterVerdict,
+    Receipt,
     State,
 )
 from omnivert.pictures.monitor_services import Services
@@ -42,6 +43,7 @@ class View:
         self._config = config
         self._where = where
         self._estimate: tuple[float, Estimate] | None = None  # when it came, what
+        self._claims: deque[Extrinsics] = deque(maxlen=32)  # not stored before their receipt comes
         self._stored: tuple[float, Extrinsics] | None = None
         self._services = Services(config, rate_known)
         self._sigmas: deque[tuple[float, tuple[float, float, float]]] = deque()
@@ -61,9 +63,18 @@ class View:
             case Bearings():
                 self._seen.append((now_s, message.bearing_rad))
             case Extrinsics():
-                self._stored = (now_s, message)
+                self._claims.append(message)
+            case Receipt():
+                self.acknowledge(message, now_s)
             case _:
                 pass
+
+    def acknowledge(self, receipt: Receipt, now_s: float) -> None:
+        """Of what was claimed, this is stored."""
+        whose = (receipt.stamp_ns, receipt.robot, receipt.camera)
+        for claim in self._claims:
+            if (claim.stamp_ns, claim.robot, claim.camera) == whose:
+                self._stored = (now_s, claim)
 
     def present(self, services: frozenset[tuple[str, str]]) -> None:
         """Which services are there now, as (service, instance)."""

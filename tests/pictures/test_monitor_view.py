@@ -74,8 +74,23 @@ def test_a_late_joiner_sees_what_is_stored(view: View, estimate_of: Estimates) -
     assert mount is not None
     stored = Extrinsics(1, "demo", "front", mount, State.CALIBRATED, 100, (), "omnivert 0.1.0", "abc")
     view.step(stored, 0.0)
+    view.acknowledge(Receipt(1, "demo", "front", 4), 0.0)
     assert "stored: phi" in text(view, 0.1)
+    assert "saved" not in text(view, 0.1)
     assert "stored phi" in view.line(0.1)
+
+
+def test_what_is_only_claimed_is_not_called_stored(view: View, estimate_of: Estimates) -> None:
+    mount = estimate_of(100).mount
+    assert mount is not None
+    claim = Extrinsics(5, "demo", "front", mount, State.CALIBRATED, 100, (), "omnivert 0.1.0", "abc")
+    view.step(claim, 0.0)
+    view.step(Receipt(4, "demo", "front", 1), 0.1)
+    assert "nothing stored yet" in text(view, 0.2)
+    assert view.json()["stored"] is None
+    view.step(Receipt(5, "demo", "front", 2), 0.3)
+    assert "stored: phi" in text(view, 0.4)
+    assert view.json()["stored"]["stamp_ns"] == 5
 
 
 def test_services_show_rate_losses_and_their_first_trouble(view: View) -> None:
@@ -212,6 +227,7 @@ def test_a_system_that_is_gone_is_not_called_calibrated(view: View, estimate_of:
     assert mount is not None
     view.step(estimate_of(100, State.CALIBRATED), 1.0)
     view.step(Extrinsics(1, "demo", "front", mount, State.CALIBRATED, 100, (), "omnivert 0.1.0", "abc"), 1.0)
+    view.step(Receipt(1, "demo", "front", 4), 1.0)
     assert "nothing is missing" in text(view, 1.1)
     view.present(frozenset({("monitor", "m7")}))
     shown = text(view, 36.0)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from omnivert.wire.channels import EXTRINSICS, HEALTH, RECEIPT
 from services import storage
 
 MOUNT = Mount(-0.34, 0.23, 0.33, np.diag([1e-4, 1e-6, 1e-4]))
-CLAIM = Extrinsics(5, "demo", "front", MOUNT, State.CALIBRATED, 99, (), "omnivert 0.1.0", "00ff")
+CLAIM = Extrinsics(5, "demo", "front", MOUNT, State.CALIBRATED, 99, (), "omnivert 0.1.0", Config().rig_digest())
 
 
 @pytest.fixture
@@ -133,6 +134,46 @@ def test_another_robots_extrinsics_are_counted_and_not_stored(config: Config) ->
             assert [entry.extrinsics.robot for entry in store.entries()] == ["demo", "demo"]
 
 
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"rig_digest": "00ff"}, "extrinsics of another rig"),
+        ({"mount": replace(MOUNT, rho_m=1.01)}, "extrinsics out of range"),
+    ],
+)
+def test_what_can_be_no_result_of_this_robot_is_counted_and_not_stored(
+    config: Config, changes: dict[str, Any], reason: str
+) -> None:
+    with served(config) as other:
+        stream = other.listen(RECEIPT, HEALTH, period_s=0.1)
+        heard(stream, health_with(reason), lambda: other.publish(EXTRINSICS, replace(CLAIM, **changes)))
+        assert other.ask(EXTRINSICS, timeout_s=5.0) is None
+        stored(other, stream, CLAIM)
+
+
+def test_only_a_calibration_that_is_here_can_have_something_stored(config: Config) -> None:
+    with served(config) as calibration:
+        stream = calibration.listen(RECEIPT, HEALTH, period_s=0.1)
+        with Bus(config, "monitor", "m1") as stranger:
+            reason = "extrinsics of nobody who is here as calibration"
+            heard(stream, health_with(reason), lambda: stranger.publish(EXTRINSICS, replace(CLAIM, stamp_ns=9)))
+        assert calibration.ask(EXTRINSICS, timeout_s=5.0) is None
+        stored(calibration, stream, CLAIM)
+
+
+def test_the_last_claim_of_a_calibration_that_has_gone_is_stored(config: Config) -> None:
+    with served(config) as other:
+        stream = other.listen(RECEIPT, period_s=0.1)
+        with Bus(config, "calibration", "back") as ending:
+            stored(ending, stream, replace(CLAIM, stamp_ns=8))
+            publisher = ending.incarnation
+        assert other.await_presence(lambda: publisher not in other.incarnations("calibration"), 10.0)
+        late = replace(CLAIM, stamp_ns=9)
+        with Bus(config, "calibration", "back") as other_end:
+            other_end.incarnation = publisher  # as if it had been on the way
+            stored(other_end, stream, late)
+
+
 def test_while_the_file_is_locked_claims_wait_and_health_says_so(config: Config) -> None:
     with served(config) as other:
         stream = other.listen(RECEIPT, HEALTH, period_s=0.1)
@@ -144,7 +185,10 @@ def test_while_the_file_is_locked_claims_wait_and_health_says_so(config: Config)
         heard(stream, health_with("2 waiting"))
         answer = other.ask(EXTRINSICS, timeout_s=5.0)
         assert isinstance(answer, Extrinsics)
-        assert answer.stamp_ns == 7
+        assert answer.stamp_ns == 5  # what waits is not stored
+        receipt = other.ask(RECEIPT, timeout_s=5.0)
+        assert isinstance(receipt, Receipt)
+        assert (receipt.stamp_ns, receipt.entry) == (5, 1)
         blocker.execute("COMMIT")
         blocker.close()
         heard(stream, receipt_for(6))
@@ -152,15 +196,33 @@ def test_while_the_file_is_locked_claims_wait_and_health_says_so(config: Config)
         heard(stream, lambda m: isinstance(m, Health) and m.service == "storage" and not m.notes)
 
 
-def test_a_store_that_cannot_be_opened_is_tried_again(config: Config) -> None:
+def test_a_store_that_cannot_be_opened_is_tried_again(config: Config, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "omnivert.storage")
     folder = config.storage.path.parent / "later"
     config = config.model_copy(update={"storage": config.storage.model_copy(update={"path": folder / "x.db"})})
     with served(config) as other:
         stream = other.listen(RECEIPT, HEALTH, period_s=0.1)
         heard(stream, health_with("no folder"))
         other.publish(EXTRINSICS, CLAIM)
+        heard(stream, health_with("1 waiting"), lambda: other.publish(EXTRINSICS, CLAIM))
+        assert other.ask(EXTRINSICS, timeout_s=5.0) is None
         folder.mkdir()
         stored(other, stream, CLAIM)
+    said = [record.getMessage() for record in caplog.records if record.name == "omnivert.storage"]
+    assert len(said) == 2
+    assert said[0].startswith("error[OV602]: the store ")
+    assert said[0].endswith("; what is to be stored waits")
+    assert said[1].endswith("can be written again")
+
+
+def test_a_service_that_ends_in_trouble_says_what_is_lost(config: Config, caplog: pytest.LogCaptureFixture) -> None:
+    folder = config.storage.path.parent / "never"
+    config = config.model_copy(update={"storage": config.storage.model_copy(update={"path": folder / "x.db"})})
+    with served(config) as other:
+        stream = other.listen(HEALTH, period_s=0.1)
+        other.publish(EXTRINSICS, CLAIM)
+        heard(stream, health_with("1 waiting"), lambda: other.publish(EXTRINSICS, CLAIM))
+    assert caplog.messages[-1].endswith(f"there is no folder {folder}; 1 extrinsics are lost")
 
 
 def test_a_damaged_store_is_set_aside_and_a_removed_one_begun_anew(config: Config) -> None:
