@@ -27,16 +27,20 @@ class Troubles:
     def __init__(self, loud: bool = False) -> None:
         self._loud = loud
         self._said: dict[str, str] = {}  # service -> the refusal it printed
+        self._last: dict[str, str] = {}  # service -> the line it said last
         self.fatal = threading.Event()
         self._reason: DataError | None = None
 
     def __call__(self, event: Event) -> None:
         match event.happened:
             case Happened.SAID:
-                if REFUSAL.search(event.text):
+                self._last[event.service] = event.text
+                refused = REFUSAL.search(event.text)
+                if refused:
                     self._said[event.service] = event.text
                 if self._loud:
-                    say.story(f"  [dim]{escape(event.text)}[/]")
+                    text = escape(event.text)
+                    say.story(f"  [yellow]![/] {text}" if refused else f"  [dim]{text}[/]")
             case Happened.DIED if event.service in HOPELESS and event.service in self._said:
                 self._end(event)
             case Happened.REFUSED:
@@ -45,6 +49,11 @@ class Troubles:
                 say.story(f"  [yellow]![/] {escape(str(event))}")
             case Happened.STARTED | Happened.ENDED:
                 pass
+
+    def unresolved(self, service: str) -> str:
+        """The refusal that the service said last, if it has said nothing since; "" when there is none."""
+        said = REFUSAL.search(self._last.get(service, ""))
+        return "" if said is None else said[2]
 
     def check(self) -> None:
         """raises  DataError when the whole can not go on"""

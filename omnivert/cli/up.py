@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omnivert.cli import say
+from omnivert.cli.kept import Before
 from omnivert.cli.settings import opened, recording_path, settings, title
 from omnivert.config import Config
 from omnivert.errors import UseError
@@ -47,6 +49,7 @@ def up(
 
     with _file(config, play) as file:
         chosen = settings(file)
+        before = Before.of(chosen)
         _tell(chosen, record, play)
         try:
             with Supervisor(file, report) as supervisor:
@@ -66,7 +69,7 @@ def up(
             pass
     troubles.check()
     saved = f"; recording in {record}" if record is not None else ""
-    say.story(f"stopped; extrinsics in {chosen.storage.path}{saved}")
+    say.story(f"stopped; {escape(before.told(chosen, troubles.unresolved('storage')))}{saved}")
 
 
 def _check(config: Path | None, record: Path | None, play: str | None, speed: float | None, loop: bool) -> None:

@@ -114,6 +114,31 @@ def test_what_belongs_to_a_playback_needs_one(omnivert: Any, options: tuple[str,
     assert (ran.code, "omnivert up --play" in ran.err) == (2, True)
 
 
+def unwrapped(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_up_tells_a_store_that_cannot_be_written_and_that_nothing_was_stored(straight: Path, tmp_path: Path) -> None:
+    whole = Recording(straight).config(on_bus(tmp_path)).model_dump(mode="json")
+    whole["storage"]["path"] = str(tmp_path / "no" / "x.db")
+    (tmp_path / "robot.json").write_text(json.dumps(whole))
+    command = [*OMNIVERT, "up", "--config", str(tmp_path / "robot.json"), "--play", str(straight)]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "1000"}
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as up:
+        assert up.stderr is not None
+        told = []
+        for line in up.stderr:
+            told.append(line)
+            if "error[OV602]" in line:
+                break
+        up.send_signal(signal.SIGINT)
+        told += up.stderr.readlines()
+        assert up.wait(30) == 0, told
+    because = f"the store {tmp_path}/no/x.db cannot be opened: there is no folder {tmp_path}/no"
+    assert any(f"! storage: error[OV602]: {because}; what is to be stored waits" in line for line in told)
+    assert told[-1].startswith(f"stopped; nothing was stored: {because}; nothing waited"), told[-1]
+
+
 def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path) -> None:
     frames = tmp_path / "frames"
     frames.mkdir()
@@ -147,5 +172,5 @@ def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path) -
     text = "".join(told)
     assert f"unixsock-stream/{tmp_path}/bus.sock   (this machine only)" in text
     assert "robot r2" in text
-    assert "stopped; extrinsics in" in text
+    assert f"stopped; nothing was stored in {tmp_path}/extrinsics.db: nothing was calibrated" in unwrapped(text)
     assert "Traceback" not in text
