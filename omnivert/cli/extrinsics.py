@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omnivert.cli import results, say
-from omnivert.cli.settings import ConfigOption, JsonOption, RobotOption, settings
+from omnivert.cli.settings import ConfigOption, JsonOption, RobotOption, settings, with_camera
 from omnivert.errors import DataError
 from omnivert.formats.extrinsics_export import Form, body, exported, robot_from_camera
 from omnivert.pictures.words import quantities, word
@@ -126,6 +127,10 @@ def _found(
         others = opened.newest()
         where = opened.path
     if found is not None:
+        ours = with_camera(chosen, camera) if camera is not None else chosen
+        if config is not None and (changes := ours.rig_changes(found.extrinsics.rig_digest)):
+            text = f"#{found.entry} was stored for another rig than that of {config}: what differs is "
+            say.story(f"[yellow]![/] {escape(text + '; '.join(changes))}")
         return found
     who = f"robot {chosen.robot.id}, camera {camera or chosen.camera.id}"
     wanted = who if number is None else f"entry {number}"

@@ -3,10 +3,16 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from omnivert.config import load
+from omnivert.store import Store
+
+from .conftest import extrinsics
 
 
 def pose() -> tuple[float, float, float]:
@@ -64,6 +70,24 @@ def test_nothing_stored_is_said_with_what_is(omnivert: Any, store: Path, tmp_pat
     assert (ran.code, ran.out) == (1, "")
     assert "error[OV605]" in ran.err
     assert not (tmp_path / "none.db").exists()
+
+
+def test_an_entry_of_another_rig_than_the_configurations_is_warned_of(omnivert: Any, tmp_path: Path) -> None:
+    robot, other = tmp_path / "robot.toml", tmp_path / "other.toml"
+    robot.write_text("[robot]\nwheel_base_m = 0.5\n")
+    other.write_text("[robot]\nwheel_base_m = 0.5\n[encoder]\nticks_per_rev = 1000\n")
+    with Store(tmp_path / "x.db") as store:
+        store.put(replace(extrinsics("demo", "front", 1, 0.6), rig_digest=load(robot).rig_digest()))
+    for command in (("show",), ("show", "--json"), ("export", "--format", "urdf")):
+        given = ("extrinsics", *command, "--store", tmp_path / "x.db")
+        plain = omnivert(*given)
+        assert (plain.code, plain.err) == (0, "")
+        assert omnivert(*given, "--config", robot) == plain
+        warned = omnivert(*given, "--config", other)
+        assert (warned.code, warned.out) == (0, plain.out)
+        assert "#1 was stored for another rig than that of" in warned.err
+        assert "what differs is encoder (" in warned.err
+        assert "robot (" not in warned.err
 
 
 def test_an_unknown_format_is_wrong_use(omnivert: Any, store: Path) -> None:
