@@ -1,5 +1,6 @@
 """Configuration: a mistake is refused with the cure, and the paper's values are one word away."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,19 @@ def test_an_empty_file_is_the_default(tmp_path: Path) -> None:
         ({"ring": {"r_min_px": 300.0}}, "ring", ""),
         ({"robot": {"id": "Robot 1"}}, "robot.id", ""),
         ({"robot": {"wheel_base_m": float("nan")}}, "robot.wheel_base_m", ""),
+        ({"robot": {"wheel_base_m": True}}, "robot.wheel_base_m = true", "a plain number"),
+        ({"robot": {"wheel_base_m": "0.4"}}, 'robot.wheel_base_m = "0.4"', "a plain number"),
+        ({"robot": {"wheel_base_m": 10**400}}, "robot.wheel_base_m = 1000", "a plain number"),
+        ({"camera": {"width_px": "640"}}, 'camera.width_px = "640"', "a plain number"),
+        ({"camera": {"width_px": 640.0}}, "camera.width_px = 640.0", "a plain number"),
+        ({"camera": {"bearing_sign": True}}, "camera.bearing_sign = true", ""),
+        ({"bus": {"shared_memory": 1}}, "bus.shared_memory = 1", "without quotes"),
+        ({"bus": {"listen": [3]}}, "bus.listen.0 = 3", "in quotes"),
+        ({"storage": {"path": 3}}, "storage.path = 3", "in quotes"),
+        ({"ring": {"center_px": [321.5]}}, "ring.center_px", "[321.5, 239.0]"),
+        ({"ring": {"center_px": [321.5, "239"]}}, 'ring.center_px.1 = "239"', "a plain number"),
+        ({"robot": 1}, "robot = 1", "[robot]"),
+        ({"a\nb": 1}, "unknown key", ""),
     ],
 )
 def test_a_mistake_is_named_with_its_cure(given: dict[str, object], what: str, help: str) -> None:
@@ -32,6 +46,38 @@ def test_a_mistake_is_named_with_its_cure(given: dict[str, object], what: str, h
     assert f"robot.toml: {what}" in refusal.value.what
     assert help in refusal.value.help
     assert "\n" not in str(refusal.value)
+    assert not re.search(r"class|instance|dictionary", str(refusal.value))  # what only programmers know
+
+
+@pytest.mark.parametrize("center", [(-226.0, 239.0), (866.0, 239.0), (321.5, -226.0), (321.5, 706.0), (1e9, 0.0)])
+def test_a_ring_that_the_picture_cannot_show_is_refused(center: tuple[float, float]) -> None:
+    with pytest.raises(UseError, match=r"ring\.center_px .* outside the picture of 640 x 480"):
+        parsed({"ring": {"center_px": center}}, "robot.toml")
+    assert parsed({"ring": {"center_px": (-224.0, 704.0)}}, "").ring.center_px == (-224.0, 704.0)
+
+
+def test_a_whole_number_may_stand_where_a_number_is_needed() -> None:
+    assert parsed({"robot": {"wheel_base_m": 1}, "ring": {"center_px": [320, 240]}}, "").robot.wheel_base_m == 1.0
+
+
+@pytest.mark.parametrize("text", ["[1]", "null", '"robot"', "1"])
+def test_json_that_holds_no_tables_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "robot.json").write_text(text)
+    with pytest.raises(UseError, match=r"robot\.json: .*: a table is needed$"):
+        load(tmp_path / "robot.json")
+
+
+@pytest.mark.parametrize(("name", "text"), [("r.toml", "[robot]\nid = 'r2'\n"), ("r.json", '{"robot": {"id": "r2"}}')])
+def test_a_mark_of_the_encoding_at_the_beginning_is_no_part_of_it(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text, encoding="utf-8-sig")
+    assert load(tmp_path / name).robot.id == "r2"
+
+
+@pytest.mark.parametrize(("name", "text"), [("r.toml", "x = {}{}"), ("r.json", "{}{}")])
+def test_what_is_nested_too_deeply_is_refused_in_one_line(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text.format("[" * 100_000, "]" * 100_000))
+    with pytest.raises(UseError, match="nested too deeply"):
+        load(tmp_path / name)
 
 
 @pytest.mark.parametrize("text", ["[robot", "\xff\xfe", "= 3"])

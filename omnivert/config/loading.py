@@ -13,6 +13,8 @@ from pydantic import ValidationError
 from omnivert.config.settings import Config, Section
 from omnivert.errors import UseError
 
+_LONGEST = 60  # characters of a value in a message
+
 
 def load(path: Path) -> Config:
     """The settings in a TOML file, or in a JSON file of the same shape.
@@ -20,7 +22,7 @@ def load(path: Path) -> Config:
     raises  UseError naming file, key and the likely cure
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors begin a file with a mark of its encoding
     except (OSError, UnicodeDecodeError) as error:
         raise UseError(
             "OV201", f"cannot read the configuration {path}", str(error), "omnivert config > robot.toml"
@@ -29,11 +31,13 @@ def load(path: Path) -> Config:
         given = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except ValueError as error:  # both parsers' errors are ValueErrors
         raise UseError("OV202", f"{path} cannot be parsed", str(error)) from error
+    except RecursionError as error:
+        raise UseError("OV202", f"{path} cannot be parsed", "it is nested too deeply", "omnivert config") from error
     return parsed(given, str(path))
 
 
-def parsed(given: dict[str, Any], where: str) -> Config:
-    """The settings in a nested dict of a TOML file; `where` names it in errors."""
+def parsed(given: object, where: str) -> Config:
+    """The settings in what a TOML or JSON file holds, a dict of dicts; `where` names it in errors."""
     try:
         return Config.model_validate(given)
     except ValidationError as error:
@@ -50,14 +54,42 @@ def with_rig(base: Config, rig: Mapping[str, Mapping[str, Any]], where: str) -> 
 
 def _refusal(error: ValidationError, where: str) -> UseError:
     first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"])
+    place = ".".join(_printable(str(part)) for part in first["loc"])
+    value = first["input"]
     if first["type"] == "extra_forbidden":
         return UseError("OV203", f"{where}: unknown key {place}", help=_nearest(first["loc"]))
-    value = first["input"]
-    given = f" = {value!r}" if isinstance(value, (int, float, str)) else ""
-    return UseError(
-        "OV204", f"{where}: {place}{given}", first["msg"].removeprefix("Value error, "), _unit(place, value)
-    )
+    what = f"{where}: {place}" if place else where
+    if not isinstance(value, dict):
+        what += f" = {_said(value)}" if place else f": {_said(value)}"
+    if first["type"] in _TYPES:
+        return UseError("OV204", what, *_TYPES[first["type"]])
+    return UseError("OV204", what, first["msg"].removeprefix("Value error, "), _unit(place, value))
+
+
+_TYPES = {  # what pydantic calls a wrong type -> what is needed, and how it is written
+    "model_type": ("a table is needed", "[robot], with lines NAME = VALUE below it"),
+    "float_type": ("a number is needed", "a plain number, without quotes; its unit is in its name"),
+    "int_type": ("a whole number is needed", "a plain number, without quotes and point; its unit is in its name"),
+    "bool_type": ("true or false is needed", "without quotes"),
+    "string_type": ("a text is needed", 'in quotes, such as "front"'),
+    "path_type": ("a path is needed", 'in quotes, such as "extrinsics.db"'),
+    "tuple_type": ("a list is needed", "in brackets, such as [321.5, 239.0]"),
+    "missing": ("two numbers are needed", "in brackets, such as [321.5, 239.0]"),
+    "too_long": ("two numbers are needed", "in brackets, such as [321.5, 239.0]"),
+}
+
+
+def _said(value: object) -> str:
+    """A value in one short line, as JSON writes it where it can."""
+    try:
+        text = json.dumps(value)
+    except (TypeError, ValueError, RecursionError):  # such as a date of TOML, or a number of thousands of digits
+        text = str(type(value).__name__)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def _printable(text: str) -> str:
+    return text if text.isprintable() else json.dumps(text)
 
 
 def _nearest(place: tuple[int | str, ...]) -> str:

@@ -6,7 +6,16 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    StringConstraints,
+    model_validator,
+)
 
 Id = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$")]  # one chunk of a key
 
@@ -17,11 +26,20 @@ def _end_point(text: str) -> str:
     return text
 
 
+def _whole(value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError("a whole number is needed")
+    return value
+
+
 EndPoint = Annotated[str, AfterValidator(_end_point)]
+Sign = Annotated[Literal[1, -1], BeforeValidator(_whole)]  # to Python, and so to a Literal, true and 1.0 are 1
 
 
 class Section(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False
+    )
 
 
 class Robot(Section):
@@ -43,9 +61,9 @@ class Encoder(Section):
     wheel_diameter_m: float = Field(0.15, ge=0.01, le=2.0)
     ticks_per_rev: int = Field(2000, ge=1, le=10_000_000)
     """Counts per turn of the wheel, gear included."""
-    left_sign: Literal[1, -1] = 1
+    left_sign: Sign = 1
     """-1 where the raw count falls when the robot drives forward."""
-    right_sign: Literal[1, -1] = 1
+    right_sign: Sign = 1
     counter_bits: int = Field(32, ge=8, le=63)
     """Width of the device's counters, for undoing their rollover."""
     max_speed_m_s: float = Field(5.0, gt=0.0, le=100.0)
@@ -80,7 +98,7 @@ class Camera(Section):
     height_px: int = Field(480, ge=32, le=16384)
     frame_rate_hz: float = Field(15.0, gt=0.0, le=1000.0)
     """Rate to ask of a camera, and to play a folder of images at."""
-    bearing_sign: Literal[1, -1] = 1
+    bearing_sign: Sign = 1
     """+1: the image angle atan2(-(v - cv), u - cu) grows with the bearing; -1: it falls (mirror image)."""
     stamp_delay_s: float = Field(0.0, ge=0.0, le=1.0)
     """From the middle of the exposure to the stamp that the source gives; taken off every stamp."""
@@ -93,7 +111,7 @@ class Camera(Section):
 class MirrorRing(Section):
     """The mirror in the picture: its outer rim, and the ring between Rmin and Rmax that shows the world."""
 
-    center_px: tuple[float, float] = (321.5, 239.0)
+    center_px: Annotated[tuple[float, float], Strict(False)] = (321.5, 239.0)
     """(u, v) where the centre is expected; each frame finds its own near it."""
     r_min_px: float = Field(63.0, gt=4.0, le=1e4)
     r_max_px: float = Field(225.0, gt=8.0, le=1e4)
@@ -111,7 +129,7 @@ class Bus(Section):
 
     endpoint: EndPoint = "tcp/127.0.0.1:7447"
     """Where the router listens and the services connect; unixsock-stream/PATH for a socket of the file system."""
-    listen: tuple[EndPoint, ...] = ()
+    listen: Annotated[tuple[EndPoint, ...], Strict(False)] = ()
     """More end points for the router, such as tcp/192.168.1.5:7447 for monitors on other machines."""
     shared_memory: bool = True
     """Large messages between processes of one machine go through shared memory."""
@@ -143,9 +161,9 @@ class Vision(Section):
     """Shorter lines down to this may continue a track, never begin one. Not in the paper, unused in its mode."""
     max_lines: int = Field(200, ge=1, le=2000)
     """The strongest lines that are kept of one frame."""
-    areas: Literal[3, 5] = 3
+    areas: Annotated[Literal[3, 5], BeforeValidator(_whole)] = 3
     """Circular areas of the descriptor along the line (III); 5 overlap by half."""
-    bins: Literal[8, 16, 32] = 32
+    bins: Annotated[Literal[8, 16, 32], BeforeValidator(_whole)] = 32
     """Bins of each orientation histogram, N_b (III)."""
     clip: float = Field(0.1, gt=0.0, le=1.0)
     """Histogram values are clipped here and scaled to unit length again (III)."""
@@ -222,7 +240,7 @@ class Timeline(Section):
 
 
 class Storage(Section):
-    path: Path = Path("extrinsics.db")
+    path: Annotated[Path, Strict(False)] = Path("extrinsics.db")
     """The SQLite file; relative to the working directory."""
     locked_s: float = Field(2.0, gt=0.0, le=60.0)
     """How long to wait for another program that has the file locked."""
@@ -256,6 +274,16 @@ class Config(Section):
     timeline: Timeline = Timeline()
     storage: Storage = Storage()
     player: Player = Player()
+
+    @model_validator(mode="after")
+    def _ring_is_in_the_picture(self) -> Self:
+        width, height, reach = self.camera.width_px, self.camera.height_px, self.ring.r_max_px
+        u, v = self.ring.center_px
+        if not (-reach <= u <= width + reach and -reach <= v <= height + reach):
+            raise ValueError(
+                f"ring.center_px = ({u:g}, {v:g}) is farther than r_max_px outside the picture of {width} x {height}"
+            )
+        return self
 
     def rig(self) -> dict[str, dict[str, Any]]:
         """What a recording carries of the machine that made it: geometry and signs, not how its devices are reached."""
