@@ -20,7 +20,7 @@ def config(path: ConfigOption = None, as_json: JsonOption = False) -> None:
 
 def annotated(config: Config) -> str:
     """The settings as TOML, meaning and unit of each above it."""
-    lines = ["# omnivert's settings. A line that is left out takes its default."]
+    lines = ["# omnivert's settings. A line that is left out takes its default; those commented out follow the mode."]
     for name, field in type(config).model_fields.items():
         table = getattr(config, name)
         lines += ["", f"[{name}]"]
@@ -30,12 +30,17 @@ def annotated(config: Config) -> str:
 
 
 def _rows(table: Section) -> list[str]:
+    """A line for each setting; one that follows the mode is commented out, so that it follows a change of mode, too."""
     default, rows = type(table)(), []
+    by_mode = type(table).model_validate({"mode": getattr(table, "mode", None)}) if table.PAPER else default
     for name, field in type(table).model_fields.items():
         value = getattr(table, name)
         rows += _comment(field.description or "")
-        usual = getattr(default, name)
-        rows.append(f"{name} = {_toml(value)}" + (f"  # default: {_toml(usual)}" if value != usual else ""))
+        usual = getattr(by_mode if name in table.PAPER else default, name)
+        if name in table.PAPER and value == usual:
+            rows.append(f"# {name} = {_toml(value)}")
+        else:
+            rows.append(f"{name} = {_toml(value)}" + (f"  # default: {_toml(usual)}" if value != usual else ""))
     return rows
 
 

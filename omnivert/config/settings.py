@@ -3,8 +3,9 @@
 import hashlib
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -40,6 +41,9 @@ class Section(BaseModel):
     model_config = ConfigDict(
         strict=True, frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False
     )
+
+    PAPER: ClassVar[Mapping[str, float]] = {}
+    """What settings that are not given take with `mode = "paper"`."""
 
 
 class Robot(Section):
@@ -144,6 +148,8 @@ class Bus(Section):
 class Vision(Section):
     """Vertical lines, descriptor, matching, tracks (II-IV, IX-A). `mode = "paper"` takes the paper's values."""
 
+    PAPER = {"edge_tolerance_deg": 5.0, "min_length": 0.5}
+
     mode: Literal["default", "paper"] = "default"
     ring_search_px: float = Field(20.0, ge=1.0, le=500.0)
     """How far from the expected centre the ring is looked for first."""
@@ -182,7 +188,7 @@ class Vision(Section):
     @classmethod
     def _paper_values(cls, given: Any) -> Any:
         if isinstance(given, dict) and given.get("mode") == "paper":
-            return {"edge_tolerance_deg": 5.0, "min_length": 0.5, **given}
+            return {**cls.PAPER, **given}
         return given
 
 

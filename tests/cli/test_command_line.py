@@ -152,6 +152,21 @@ def test_the_printed_configuration_is_the_configuration() -> None:
     assert parsed(tomllib.loads(annotated(Config())), "printed") == Config()
 
 
+@pytest.mark.parametrize("first", ["default", "paper"])
+@pytest.mark.parametrize("then", ["default", "paper"])
+def test_settings_that_follow_the_mode_follow_it_in_a_printed_file_too(first: str, then: str) -> None:
+    printed = annotated(parsed({"vision": {"mode": first}}, "test"))
+    changed = printed.replace(f'mode = "{first}"', f'mode = "{then}"')
+    assert parsed(tomllib.loads(changed), "copy").vision == parsed({"vision": {"mode": then}}, "test").vision
+
+
+def test_a_setting_that_differs_from_its_mode_is_printed_and_kept() -> None:
+    given = {"vision": {"mode": "paper", "min_length": 0.28}}
+    printed = annotated(parsed(given, "test"))
+    assert "min_length = 0.28  # default: 0.5" in printed
+    assert parsed(tomllib.loads(printed), "copy") == parsed(given, "test")
+
+
 def test_the_configuration_as_json(omnivert: Any) -> None:
     assert omnivert("config", "--json").json["robot"]["id"] == "demo"
 

@@ -1,6 +1,7 @@
 """What is in deploy/ is what the code does."""
 
 import configparser
+import re
 import shutil
 import subprocess
 import tomllib
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from omnivert.cli.settings import with_mode
 from omnivert.cli.show_config import annotated
 from omnivert.config import Config, load
 from omnivert.drivers.line_protocol import LineParser, Sample
@@ -53,9 +55,19 @@ def test_the_default_configuration_is_the_default() -> None:
 
 
 def test_every_setting_stands_in_the_default_configuration() -> None:
-    given = tomllib.loads((DEPLOY / "robot.toml").read_text(encoding="utf-8"))
+    # Those that follow the mode are commented out.
+    text = re.sub(r"^# (\w+ = )", r"\1", (DEPLOY / "robot.toml").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    given = tomllib.loads(text)
     said = {name: set(table) for name, table in given.items()}
     assert said == {name: set(table) for name, table in Config().model_dump().items()}
+
+
+def test_the_mode_is_one_word_in_a_copy_of_the_default_configuration(tmp_path: Path) -> None:
+    copy = tmp_path / "robot.toml"
+    copy.write_text((DEPLOY / "robot.toml").read_text(encoding="utf-8").replace('mode = "default"', 'mode = "paper"'))
+    paper = load(copy)
+    assert (paper.vision.edge_tolerance_deg, paper.vision.min_length) == (5.0, 0.5)
+    assert paper == with_mode(Config(), "paper") == with_mode(load(DEPLOY / "robot.toml"), "paper")
 
 
 def test_the_arduino_sketch_speaks_the_protocol(tmp_path: Path) -> None:
