@@ -10,18 +10,18 @@ import typer
 from omnivert.cli import results, say
 from omnivert.cli.drawn import drawn_frame
 from omnivert.cli.given import Given
+from omnivert.cli.outputs import check_outputs
 from omnivert.cli.settings import (
     ConfigOption,
     JsonOption,
     ModeOption,
     RecordingArgument,
-    check_outputs,
     opened,
     settings,
     title,
 )
 from omnivert.cli.settings import with_mode as in_mode
-from omnivert.errors import DataError
+from omnivert.errors import DataError, UseError
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, State
 from omnivert.pictures.words import heading, quantities, word
 
@@ -55,7 +55,8 @@ def calibrate(
     """Calibrate from a recording: where does the camera sit?"""
     chosen = in_mode(settings(config), mode)
     source = opened(recording)
-    check_outputs(source, picture)
+    check_outputs({"recording": source.path, "configuration": config}, {"--picture": picture})
+    check_format(picture)
     given = Given.of(source)
     say.story(f"[cyan]given[/]   {title(recording)}  {given}")
     rig = source.config(chosen)
@@ -79,6 +80,13 @@ def calibrate(
         say.json_result(body)
     else:
         tell(outcome, truth)
+
+
+def check_format(picture: Path | None) -> None:
+    """raises UseError when the name asks for another format than the one that is written"""
+    if picture is not None and picture.suffix.lower() not in ("", ".png"):
+        help = f"--picture {picture.with_suffix('.png')}"
+        raise UseError("OV205", f"omnivert calibrate: --picture {picture}", "the picture is a PNG", help)
 
 
 def calibration(source: "Recording", config: "Config", given: Given) -> Outcome:

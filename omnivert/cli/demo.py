@@ -1,6 +1,7 @@
 """`omnivert demo`: the packaged recording through the real services, with the truth beside the result."""
 
 import json
+import math
 import tempfile
 import time
 from pathlib import Path
@@ -10,9 +11,10 @@ import typer
 
 from omnivert.cli import results, say
 from omnivert.cli.demo_watch import Heard, watched
+from omnivert.cli.outputs import check_outputs, made_folder
 from omnivert.cli.settings import PACKAGED, JsonOption, opened, recording_path
 from omnivert.config import Config, parsed
-from omnivert.errors import DataError
+from omnivert.errors import DataError, UseError
 from omnivert.messages import Extrinsics, Frame
 from omnivert.pictures.words import word
 
@@ -29,14 +31,16 @@ def demo(
 ) -> None:
     """See it work: a recorded drive through the real services, no camera and no robot needed."""
     began = time.monotonic()
+    if not math.isfinite(speed):
+        raise UseError("OV205", f"omnivert demo: --speed {speed}", "0 is as fast as the results come", "--speed 0")
     source = opened(PACKAGED)
     truth = results.truth_of(source)
-    store = _writable(output) / "extrinsics.db"
+    store, picture = made_folder(output) / "extrinsics.db", output / "result.png"
+    check_outputs({"recording": source.path}, {"the store": store, "the picture": picture})
     say.story("[bold]omnivert demo[/]: a robot drives through a corridor; the camera's true place is known.\n")
     with tempfile.TemporaryDirectory(prefix="omnivert-", dir=_short_folder()) as private:
         config = demo_config(source, Path(private), store)
         heard, stored = played(source, config, Path(private), speed, began)
-    picture = output / "result.png"
     _draw(picture, source, config, heard, truth)
     _tell(stored, truth, store, picture, as_json, time.monotonic() - began, heard)
 
@@ -133,16 +137,6 @@ def _draw(picture: Path, source: "Recording", config: Config, heard: Heard, trut
         drawn = drawn_frame(last, heard.last_bearings, config)
     if heard.estimates:
         write_result(picture, heard.estimates, config.robot.id, config.robot.wheel_base_m, drawn, truth)
-
-
-def _writable(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(
-            "OV322", f"cannot write {folder}", str(error.strerror or error), "omnivert demo --output DIR"
-        ) from error
-    return folder
 
 
 def _short_folder() -> str:

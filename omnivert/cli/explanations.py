@@ -109,9 +109,9 @@ EXPLANATIONS = {
         "omnivert explain lists them.",
     ),
     "OV208": Explanation(
-        "recording_exists",
-        "There is a file of that name already. A recording is never overwritten, not by another recording and not by "
-        "a table or picture made from it: the drive in it may be the only one.",
+        "would_overwrite",
+        "There is a recording of that name already, or the file is one that the command itself reads (recording, "
+        "configuration, store) or writes something else to. The drive in a recording may be the only one.",
         "Choose another name.",
     ),
     "OV209": Explanation(
@@ -203,7 +203,8 @@ EXPLANATIONS = {
     ),
     "OV321": Explanation(
         "no_such_recording",
-        "There is no file of that name. The word corridor stands for the recording that comes with omnivert.",
+        "There is no file of that name, or what has the name is a folder or a device. The word corridor stands for the "
+        "recording that comes with omnivert.",
         "omnivert calibrate corridor",
     ),
     "OV322": Explanation(

@@ -1,5 +1,6 @@
 """`omnivert extrinsics`: what the store holds, its history, and the forms that other software reads."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,8 +10,9 @@ import typer
 from rich.markup import escape
 
 from omnivert.cli import results, say
+from omnivert.cli.outputs import check_outputs
 from omnivert.cli.settings import ConfigOption, JsonOption, RobotOption, settings, with_camera
-from omnivert.errors import DataError
+from omnivert.errors import DataError, UseError
 from omnivert.formats.extrinsics_export import Form, body, exported, robot_from_camera
 from omnivert.pictures.words import quantities, word
 
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 app = typer.Typer(help="What the store holds.")
 StoreOption = Annotated[Path | None, typer.Option("--store", help="The SQLite file; else the configuration's.")]
 CameraOption = Annotated[str | None, typer.Option("--camera", help="Camera to look at; else the configuration's.")]
-EntryOption = Annotated[int | None, typer.Option("--entry", help="Number of the entry; else the latest.")]
+EntryOption = Annotated[int | None, typer.Option("--entry", min=1, help="Number of the entry; else the latest.")]
 
 
 @app.callback()
@@ -92,6 +94,13 @@ def export(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; else stdout.")] = None,
 ) -> None:
     """A stored mount as JSON, YAML, a URDF joint or a ROS 2 static transform."""
+    if not math.isfinite(z_m):
+        what = f"omnivert extrinsics export: --z-m {z_m}"
+        raise UseError("OV205", what, "it is a height in metres", "--z-m 0.9")
+    path = _path(config, store)
+    files = {suffix: path.with_name(f"{path.name}{suffix}") for suffix in ("-wal", "-shm")}  # SQLite's own
+    inputs = {"configuration": config, "store": path} | {f"store's {name}": file for name, file in files.items()}
+    check_outputs(inputs, {"--output": output})
     text = exported(_found(config, robot, camera, entry, store), form, parent, z_m)
     if output is None:
         say.result(text)
@@ -107,8 +116,16 @@ def export(
 def _opened(config: Path | None, store: Path | None) -> Iterator["Store"]:
     from omnivert.store import Store
 
-    with Store(store or settings(config).storage.path, writable=False) as opened:
+    path = _path(config, store)
+    if path.is_dir():
+        help = f"--store {path / 'extrinsics.db'}"
+        raise UseError("OV602", f"the store {path} cannot be opened", "it is a folder", help)
+    with Store(path, writable=False) as opened:
         yield opened
+
+
+def _path(config: Path | None, store: Path | None) -> Path:
+    return store or settings(config).storage.path
 
 
 def _found(

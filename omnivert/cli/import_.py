@@ -7,8 +7,8 @@ import typer
 
 from omnivert.cli import say
 from omnivert.cli.endings import cancelled_by_sigterm
+from omnivert.cli.outputs import check_new_recording
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
-from omnivert.errors import UseError
 
 app = typer.Typer(help="Turn other people's files into a recording.")
 
@@ -28,8 +28,7 @@ def frames(
     """Images, encoders and optional scans of a folder -> a recording. Nothing half-written is left."""
     from omnivert.formats.frames_import import import_frames
 
-    if output.exists():
-        raise UseError("OV208", f"{output} exists already", "a recording is never overwritten", "choose another name")
+    check_new_recording(output)
     with cancelled_by_sigterm(), say.progress("importing", None) as bar:
         counts = import_frames(folder, output, settings(config), bar.reach).counts
     size = output.stat().st_size

@@ -45,8 +45,12 @@ def play(
     as_json: JsonOption = False,
 ) -> None:
     """Play a recording in place of the bridge."""
-    if speed == math.inf:
-        raise UseError("OV205", "omnivert play: --speed inf", "0 is as fast as the results come", "--speed 0")
+    if not math.isfinite(speed):
+        raise UseError("OV205", f"omnivert play: --speed {speed}", "0 is as fast as the results come", "--speed 0")
+    for option, second in (("--from", start), ("--to", end)):
+        if second is not None and not math.isfinite(second):
+            help = "omnivert play REC --info   # shows how long it is"
+            raise UseError("OV205", f"omnivert play: {option} {second}", "it is a second of the recording", help)
     source = opened(recording)
     if info or as_json:
         given = Given.of(source)

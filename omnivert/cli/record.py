@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 from omnivert.cli import say
+from omnivert.cli.outputs import check_new_recording
 from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption
 from omnivert.cli.whom import meant
-from omnivert.errors import DataError, UseError
+from omnivert.errors import DataError
 
 
 def record(
@@ -26,8 +27,7 @@ def record(
     from omnivert.wire.bus import Bus
     from services.recorder import run
 
-    if output.exists():
-        raise UseError("OV208", f"{output} exists already", "a recording is never overwritten", "choose another name")
+    check_new_recording(output)
     chosen = meant(config, robot, connect, f"record {output}")
     began_s = time.monotonic()
     with Bus(chosen, "recorder", f"r{os.getpid()}", patience_s=PATIENCE_S) as bus:

@@ -76,7 +76,7 @@ def opened(name: str) -> "Recording":
 def recording_path(name: str) -> Path:
     """The file behind the name of a recording."""
     path = Path(name)
-    if name == PACKAGED and not path.exists():
+    if name == PACKAGED and not path.is_file():
         package, *rest = CORRIDOR
         packaged = Path(str(resources.files(package).joinpath(*rest)))
         if not packaged.is_file():
@@ -84,6 +84,12 @@ def recording_path(name: str) -> Path:
                 "OV320", "the packaged recording is missing", f"{packaged} is not there", "pip install omnivert"
             )
         return packaged
+    if path.is_dir():
+        help = f"omnivert import frames {name} -o drive.mcap   # makes a recording of a folder of images"
+        raise UseError("OV321", f"{name} is a folder", "a recording is one file", help)
+    if path.exists() and not path.is_file():
+        because = "it is a device or a pipe, and a recording is read more than once"
+        raise UseError("OV321", f"{name} is no file", because, "omnivert calibrate corridor")
     if not path.is_file():
         folder = path.parent if path.parent.is_dir() else Path()
         names = [PACKAGED, *sorted(str(file) for file in folder.glob("*.mcap"))]
@@ -93,27 +99,6 @@ def recording_path(name: str) -> Path:
         )
         raise UseError("OV321", f"no recording {name}", "there is no such file", hint)
     return path
-
-
-def check_outputs(source: "Recording", *outputs: Path | None) -> None:
-    """Before long work: whether its results will find their place.
-
-    raises  UseError when one would overwrite the recording, DataError when one cannot be written
-    """
-    for path in outputs:
-        if path is None:
-            continue
-        try:
-            if path.exists() and path.samefile(source.path):
-                because = "a recording is never overwritten"
-                raise UseError("OV208", f"{path} is the recording itself", because, "choose another name")
-            new = not path.exists()
-            if new or path.is_file() or path.is_dir():  # to open a pipe would be heard at its other end
-                path.open("ab").close()
-            if new:
-                path.unlink()
-        except OSError as error:
-            raise DataError("OV322", f"cannot write {path}", error.strerror or str(error)) from error
 
 
 def title(name: str) -> str:

@@ -9,12 +9,12 @@ import typer
 
 from omnivert.cli import say
 from omnivert.cli.given import count
+from omnivert.cli.outputs import check_distinct, check_outputs, made_folder
 from omnivert.cli.settings import (
     ConfigOption,
     JsonOption,
     ModeOption,
     RecordingArgument,
-    check_outputs,
     opened,
     settings,
     title,
@@ -47,7 +47,11 @@ def track(
     frames = count(source, FRAME)
     if not frames:
         raise DataError("OV101", f"there are no frames in {title(recording)}", "the lines come from them")
-    check_outputs(source, csv_path, centers)
+    inputs, tables = {"recording": source.path, "configuration": config}, {"--csv": csv_path, "--centers": centers}
+    check_distinct(inputs, {**tables, "--draw": draw})
+    if draw is not None:
+        made_folder(draw)
+    check_outputs(inputs, tables)
     rig = source.config(chosen)
     tracked = list(say.counted(_drawn(source, rig, draw), "tracking", frames))
     if csv_path is not None:
@@ -69,10 +73,6 @@ def _drawn(source: "Recording", config: "Config", folder: Path | None) -> Iterat
         return
     from omnivert.cli.drawn import write_drawn
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError("OV322", f"cannot write {folder}", error.strerror or str(error)) from error
     frames = source.messages(types=(Frame,))
     for index, ((_, frame), bearings) in enumerate(zip(frames, tracked(source, config), strict=True)):
         if isinstance(frame, Frame):

@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.kept import Before
+from omnivert.cli.outputs import check_distinct, check_new_recording
 from omnivert.cli.settings import opened, recording_path, settings, title
 from omnivert.config import Config
 from omnivert.errors import UseError
@@ -50,6 +51,8 @@ def up(
     with _file(config, play) as file:
         chosen = settings(file)
         before = Before.of(chosen)
+        inputs = {"configuration": config, "recording": None if play is None else recording_path(play)}
+        check_distinct(inputs, {"--record": record, "storage.path": chosen.storage.path})
         _tell(chosen, record, play)
         try:
             with Supervisor(file, report) as supervisor:
@@ -82,8 +85,8 @@ def _check(config: Path | None, record: Path | None, play: str | None, speed: fl
         raise UseError("OV205", what, "without --play the robot itself is heard", "omnivert up --play REC --loop")
     if speed is not None and not math.isfinite(speed):
         raise UseError("OV205", f"omnivert up: --speed {speed}", "0 is as fast as the results come", "--speed 0")
-    if record is not None and record.exists():
-        raise UseError("OV208", f"{record} exists already", "a recording is never overwritten", "choose another name")
+    if record is not None:
+        check_new_recording(record)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ The calibration is planar: z, roll and pitch are not measured; z is what the cal
 
 import json
 from enum import StrEnum
-from math import cos, degrees, sin
+from math import cos, degrees, isfinite, sin
 from shlex import quote
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -31,7 +31,10 @@ def exported(entry: Entry, form: Form, parent: str = "base_link", z_m: float = 0
 
     parent  name of the robot's frame
     z_m     height of the camera above it, measured by hand
+    raises  ValueError when it is not finite
     """
+    if not isfinite(z_m):
+        raise ValueError(f"a height of {z_m} m")
     match form:
         case Form.JSON:
             return json.dumps(body(entry, z_m), indent=2, ensure_ascii=False)

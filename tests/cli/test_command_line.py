@@ -94,6 +94,28 @@ def test_a_recording_is_never_overwritten(omnivert: Any, tmp_path: Path) -> None
     assert (ran.code, (tmp_path / "drive.mcap").read_bytes()) == (2, b"the only drive")
 
 
+@pytest.mark.parametrize("command", [("record",), ("up", "--play", "corridor", "--record")])
+def test_a_recording_finds_its_place_before_anything_starts(
+    omnivert: Any, tmp_path: Path, command: tuple[str, ...]
+) -> None:
+    ran = omnivert(*command, tmp_path)
+    assert (ran.code, "is a folder" in ran.err) == (2, True)
+    ran = omnivert(*command, tmp_path / "none" / "drive.mcap")
+    assert (ran.code, "there is no folder" in ran.err) == (2, True)
+
+
+def test_up_does_not_record_over_its_own_store(omnivert: Any, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text(f'[storage]\npath = "{tmp_path}/x.db"')
+    ran = omnivert("up", "-c", tmp_path / "robot.toml", "--record", tmp_path / "x.db")
+    assert (ran.code, "--record and storage.path" in ran.err) == (2, True)
+
+
+def test_a_demo_into_a_file_is_wrong_use(omnivert: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"mine")
+    ran = omnivert("demo", "-o", tmp_path / "file")
+    assert (ran.code, (tmp_path / "file").read_bytes()) == (2, b"mine")
+
+
 def test_an_import_overwrites_no_recording_either(omnivert: Any, tmp_path: Path) -> None:
     (tmp_path / "drive.mcap").write_bytes(b"the only drive")
     ran = omnivert("import", "frames", tmp_path, "-o", tmp_path / "drive.mcap")
@@ -127,6 +149,19 @@ def test_a_result_that_finds_no_room_is_a_refusal() -> None:
 def test_a_speed_without_end_is_wrong_use(omnivert: Any) -> None:
     ran = omnivert("play", "corridor", "--speed", "inf")
     assert (ran.code, "--speed 0" in ran.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("play", "corridor", "--speed", "nan"),
+        ("play", "corridor", "--from", "nan"),
+        ("play", "corridor", "--to", "inf"),
+        ("demo", "--speed", "inf"),
+    ],
+)
+def test_a_number_that_is_none_is_wrong_use(omnivert: Any, arguments: tuple[str, ...]) -> None:
+    assert omnivert(*arguments).code == 2
 
 
 @pytest.mark.parametrize("end_point", ["nonsense", "tcp/", "/x", ""])

@@ -90,5 +90,29 @@ def test_an_entry_of_another_rig_than_the_configurations_is_warned_of(omnivert: 
         assert "robot (" not in warned.err
 
 
+@pytest.mark.parametrize("name", ["extrinsics.db", "extrinsics.db-wal", "./extrinsics.db"])
+def test_an_export_does_not_overwrite_the_store_it_reads(omnivert: Any, store: Path, name: str) -> None:
+    before = store.read_bytes()
+    ran = omnivert("extrinsics", "export", "-f", "json", "--store", store, "-o", f"{store.parent}/{name}")
+    assert (ran.code, "error[OV208]" in ran.err) == (2, True)
+    assert store.read_bytes() == before
+
+
+@pytest.mark.parametrize("height", ["nan", "inf", "-inf"])
+def test_a_height_that_is_no_number_is_wrong_use(omnivert: Any, store: Path, height: str) -> None:
+    ran = omnivert("extrinsics", "export", "-f", "urdf", "--store", store, f"--z-m={height}")
+    assert (ran.code, ran.out) == (2, "")
+
+
+def test_entries_are_counted_from_one(omnivert: Any, store: Path) -> None:
+    assert omnivert("extrinsics", "show", "--store", store, "--entry", -1).code == 2
+    assert omnivert("extrinsics", "show", "--store", store, "--entry", 99).code == 1
+
+
+def test_a_store_that_is_a_folder_is_called_so(omnivert: Any, tmp_path: Path) -> None:
+    ran = omnivert("extrinsics", "list", "--store", tmp_path)
+    assert (ran.code, "is a folder" in ran.err) == (2, True)
+
+
 def test_an_unknown_format_is_wrong_use(omnivert: Any, store: Path) -> None:
     assert omnivert("extrinsics", "export", "--store", store, "--format", "xml").code == 2

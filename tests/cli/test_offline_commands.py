@@ -10,6 +10,8 @@ import pytest
 
 from omnivert.cli import results
 from omnivert.cli.calibrate import Outcome, refusal
+from omnivert.cli.outputs import check_outputs
+from omnivert.errors import DataError
 from omnivert.messages import Estimate, Mount, ParameterVerdict, State
 from omnivert.wire.recording import Recording
 
@@ -86,7 +88,7 @@ def test_tracking_in_paper_mode_finds_fewer_lines(omnivert: Any, straight: Path)
 
 def test_a_table_that_cannot_be_written_is_said(omnivert: Any, straight: Path, tmp_path: Path) -> None:
     ran = omnivert("track", straight, "--csv", tmp_path / "nowhere" / "lines.csv")
-    assert ran.code == 1
+    assert ran.code == 2
     assert "error[OV322]" in ran.err
 
 
@@ -96,7 +98,7 @@ def test_a_place_below_a_file_is_refused_before_the_work(
 ) -> None:
     (tmp_path / "file").write_bytes(b"")
     ran = omnivert("track", straight, option, tmp_path / "file" / "below")
-    assert (ran.code, ran.out) == (1, "")
+    assert (ran.code, ran.out) == (2, "")
     assert "error[OV322]" in ran.err
 
 
@@ -105,7 +107,7 @@ def test_a_picture_that_cannot_be_written_is_refused_before_the_work(
     omnivert: Any, straight: Path, tmp_path: Path, place: str
 ) -> None:
     ran = omnivert("calibrate", straight, "--picture", tmp_path / place, "--json")
-    assert (ran.code, ran.json["error"]["code"]) == (1, "OV322")
+    assert (ran.code, ran.json["error"]["code"]) == (2, "OV322")
 
 
 @pytest.mark.parametrize("command", [("track", "--csv"), ("track", "--centers"), ("calibrate", "--picture")])
@@ -118,6 +120,58 @@ def test_no_result_overwrites_its_recording(
     assert ran.code == 2
     assert "error[OV208]" in ran.err
     assert drive.read_bytes() == straight.read_bytes()
+
+
+def test_no_result_overwrites_the_configuration_it_is_made_with(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("")
+    (tmp_path / "link.png").hardlink_to(tmp_path / "robot.toml")
+    for command in (("track", "--csv", "robot.toml"), ("track", "--centers", "robot.toml")):
+        ran = omnivert(command[0], straight, "-c", tmp_path / "robot.toml", command[1], tmp_path / command[2])
+        assert (ran.code, "is the configuration itself" in ran.err) == (2, True)
+    ran = omnivert("calibrate", straight, "-c", tmp_path / "robot.toml", "--picture", tmp_path / "link.png")
+    assert (ran.code, "is the configuration itself" in ran.err) == (2, True)
+    assert (tmp_path / "robot.toml").read_text() == ""
+
+
+@pytest.mark.parametrize("options", [("--csv", "--centers"), ("--csv", "--draw"), ("--centers", "--draw")])
+def test_no_result_overwrites_another(omnivert: Any, straight: Path, tmp_path: Path, options: tuple[str, str]) -> None:
+    ran = omnivert("track", straight, options[0], tmp_path / "x.csv", options[1], tmp_path / "." / "x.csv")
+    assert (ran.code, "error[OV208]" in ran.err) == (2, True)
+    assert f"{options[0]} and {options[1]} would overwrite each other" in ran.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_results_may_all_go_nowhere(omnivert: Any, straight: Path) -> None:
+    assert omnivert("track", straight, "--csv", "/dev/null", "--centers", "/dev/null").code == 0
+
+
+def test_frames_are_not_drawn_into_a_file(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"mine")
+    ran = omnivert("track", straight, "--draw", tmp_path / "file")
+    assert (ran.code, "error[OV322]" in ran.err, (tmp_path / "file").read_bytes()) == (2, True, b"mine")
+
+
+def test_a_picture_of_a_format_that_is_not_drawn_is_refused(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    ran = omnivert("calibrate", straight, "--picture", tmp_path / "x.txt")
+    assert (ran.code, f"--picture {tmp_path}/x.png" in ran.err) == (2, True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_the_system_protects_is_no_wrong_use(
+    omnivert: Any, straight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def protected(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", protected)
+    with pytest.raises(DataError, match="Permission denied"):
+        check_outputs({}, {"--csv": tmp_path / "lines.csv"})
+
+
+@pytest.mark.parametrize(("place", "said"), [("", "is a folder"), ("/dev/null", "is no file")])
+def test_what_is_no_recording_file_is_called_what_it_is(omnivert: Any, tmp_path: Path, place: str, said: str) -> None:
+    ran = omnivert("calibrate", tmp_path / place)
+    assert (ran.code, said in ran.err, "no such file" in ran.err) == (2, True, False)
 
 
 def test_checking_for_a_place_leaves_nothing(omnivert: Any, without_ticks: Path, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import shlex
 import xml.etree.ElementTree as ET
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -56,6 +57,11 @@ def test_urdf_and_ros_2_put_the_camera_where_the_mount_says(phi: float, rho: flo
     assert (float(options["--z"]), float(options["--roll"]), float(options["--pitch"])) == (0.9, 0.0, 0.0)
     x, y, yaw = (float(options[name]) for name in ("--x", "--y", "--yaw"))
     assert agrees(x, y, yaw, place(phi, rho, psi))
+
+
+def test_a_height_that_is_no_number_is_a_wrong_call() -> None:
+    with pytest.raises(ValueError, match="height"):
+        exported(entry(0.1, 0.2, 0.3), Form.ROS2, z_m=math.nan)
 
 
 def test_the_corridors_mount_by_hand() -> None:
