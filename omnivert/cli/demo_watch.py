@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Mount, Playback, Receipt, State
@@ -75,7 +75,7 @@ def watched(bus: "Bus", heard: Heard, console: Console, start_ns: int, troubles:
         TextColumn("  [cyan]▶ {task.description}[/]"),
         BarColumn(bar_width=30),
         TaskProgressColumn(),
-        TimeElapsedColumn(),
+        TimeRemainingColumn(compact=True),
         TextColumn("{task.fields[now]}"),
     )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
