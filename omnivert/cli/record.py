@@ -9,7 +9,7 @@ import typer
 
 from omnivert.cli import say
 from omnivert.cli.outputs import check_new_recording
-from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption
+from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, JsonOption, RobotOption
 from omnivert.cli.whom import meant
 from omnivert.errors import DataError
 
@@ -19,6 +19,7 @@ def record(
     config: ConfigOption = None,
     robot: RobotOption = None,
     connect: ConnectOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Record a running system until ctrl-c; what is written stays readable even when this is killed.
 
@@ -39,4 +40,8 @@ def record(
         because = f"no sensor and no result of robot {chosen.robot.id} was heard in {lasted_s:.0f} s"
         raise DataError("OV308", "nothing was recorded", because, "omnivert monitor   # shows who is there")
     kinds = ", ".join(f"{times} {kind}" for kind, times in sorted(written.items()))
-    say.story(f"saved   {output}  {output.stat().st_size / 1e6:.1f} MB: {kinds}")
+    size = output.stat().st_size
+    say.story(f"saved   {output}  {size / 1e6:.1f} MB: {kinds}")
+    if as_json:
+        body = {"recording": str(output), "robot": chosen.robot.id, "bytes": size, "messages": dict(written)}
+        say.json_result(body)

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,20 @@ def test_ctrl_c_while_it_loads_is_silent() -> None:
 
 def on_bus(folder: Path) -> Config:
     return parsed({"bus": {"endpoint": f"unixsock-stream/{folder}/bus.sock"}}, "test")
+
+
+def test_what_was_recorded_is_said_as_json(omnivert: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(bus: Bus, config: Config, path: Path) -> Counter[str]:
+        path.write_bytes(b"twelve bytes")
+        return Counter(ticks=3, frame=2)
+
+    monkeypatch.setattr("services.recorder.run", run)
+    config = on_bus(tmp_path)
+    with Router(config):
+        ran = omnivert("record", tmp_path / "d.mcap", "--connect", config.bus.endpoint, "--json")
+    assert ran.code == 0
+    said = {"recording": f"{tmp_path}/d.mcap", "robot": "demo", "bytes": 12, "messages": {"ticks": 3, "frame": 2}}
+    assert ran.json == said
 
 
 def test_a_playback_to_nobody_says_so_and_how_it_went(omnivert: Any, straight: Path, tmp_path: Path) -> None:
