@@ -104,11 +104,11 @@ def _one_motion(shown: Shown, sum_known: str) -> tuple[str, str]:
     slant = abs(piece.slant)
     if slant < 0.17:
         return (
-            f"because you drove straight for {piece.way_m:.1f} m, phi and psi are seen only as a sum{sum_known}",
+            f"because you drove straight for {shown.driven_m:.1f} m, phi and psi are seen only as a sum{sum_known}",
             TURN,
         )
     if slant > np.pi / 2.0 - 0.17:
-        degrees = np.degrees(piece.turned_rad)
+        degrees = np.degrees(shown.turned_rad)
         return f"because you only turned on the spot, by {degrees:.0f} deg, nothing gives the lines' distances", DRIVE
     radius = piece.way_m / max(piece.turned_rad, 1e-9)
     return (

@@ -1,11 +1,13 @@
 """What a recording holds, judged before anything is computed from it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from omnivert.messages import Bearings, Frame
-from omnivert.wire.channels import FRAME, TICKS, Channel, channel_from_key
+from omnivert.messages import Bearings, Frame, Ticks
+from omnivert.wire.channels import FRAME, Channel, channel_from_key
 
 if TYPE_CHECKING:
     from omnivert.wire.recording import Recording
@@ -14,6 +16,13 @@ if TYPE_CHECKING:
 def count(recording: "Recording", channel: Channel) -> int:
     """Messages of one channel, whatever the ids in their keys."""
     return sum(number for key, number in recording.counts.items() if channel_from_key(key) is channel)
+
+
+def missing(stamps_ns: Sequence[int]) -> int:
+    """How many messages lack between others of a stream, by the step that is usual in it."""
+    steps = [after - before for before, after in pairwise(stamps_ns)]
+    usual = median(steps) if steps else 0
+    return sum(round(step / usual) - 1 for step in steps if step > 1.5 * usual) if usual > 0 else 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,13 +34,17 @@ class Given:
     rate_hz: float
     longest_gap_s: float  # between frames
     ticks: int
+    missing: int  # frames and ticks that the rhythm of the others lacks
     cut: str  # what is wrong with the recording; empty when it is whole
     lost: int  # messages that can not be read any more, as far as it is known
 
     @classmethod
     def of(cls, recording: "Recording") -> "Given":
         sensor = Frame if count(recording, FRAME) else Bearings
-        stamps = [message.stamp_ns for _, message in recording.messages(types=(sensor,))]
+        stamps: list[int] = []
+        ticks: list[int] = []
+        for _, message in recording.messages(types=(sensor, Ticks)):
+            (ticks if isinstance(message, Ticks) else stamps).append(message.stamp_ns)
         gaps = [1e-9 * (after - before) for before, after in pairwise(stamps)]
         lasted = 1e-9 * (stamps[-1] - stamps[0]) if len(stamps) > 1 else 0.0
         return cls(
@@ -39,7 +52,8 @@ class Given:
             frames=len(stamps),
             rate_hz=(len(stamps) - 1) / lasted if lasted > 0 else 0.0,
             longest_gap_s=max(gaps, default=0.0),
-            ticks=count(recording, TICKS),
+            ticks=len(ticks),
+            missing=missing(stamps) + missing(ticks),
             cut=recording.cut,
             lost=recording.lost,
         )
@@ -54,6 +68,7 @@ class Given:
             f"{self.seconds:.1f} s",
             f"{self.frames} frames ({self.rate_hz:.1f} Hz, longest gap {1e3 * self.longest_gap_s:.0f} ms)",
             f"{self.ticks} ticks",
+            f"{self.missing} missing",
         ]
         if self.cut:
             parts.append(f"not whole: {self.fault}")
@@ -66,6 +81,7 @@ class Given:
             "rate_hz": self.rate_hz,
             "longest_gap_s": self.longest_gap_s,
             "ticks": self.ticks,
+            "missing": self.missing,
             "cut": self.cut,
             "lost": self.lost,
         }

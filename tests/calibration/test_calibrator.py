@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from omnivert.angles import wrap
 from omnivert.calibration.calibrator import Calibrator
+from omnivert.calibration.observability import Piece
+from omnivert.calibration.verdict import Shown, verdict
 from omnivert.config import Calibration, Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
 from omnivert.simulation.recording import Drive, Scene, recorded
@@ -87,6 +89,18 @@ def test_nothing_is_claimed_before_the_turn(paper_told: tuple[list[Estimate], li
     assert "only as a sum" in straight[-1].phi.reason
     assert straight[-1].next_manoeuvre == "turn about 90 deg on the spot"
     assert claims[0].frames > len(straight)
+
+
+@pytest.mark.parametrize(
+    ("piece", "said"),
+    [
+        (Piece(9, 0.6, 0.6, 0.6, 0.01), "straight for 0.7 m"),
+        (Piece(9, 0.2, -0.2, 0.01, 1.0), "on the spot, by 69 deg"),
+    ],
+)
+def test_a_reason_speaks_of_the_whole_drive_as_the_estimate_does(piece: Piece, said: str) -> None:
+    shown = Shown(9, 20, True, 0.7, 1.2, (piece,), None, 0.0, 0.0, None, "", False)
+    assert said in verdict(shown, Calibration(), State.NOT_YET).phi.reason
 
 
 def test_the_claim_names_what_it_holds_for(paper_told: tuple[list[Estimate], list[Extrinsics], Calibrator]) -> None:

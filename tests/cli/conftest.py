@@ -49,11 +49,11 @@ def omnivert(capsys: pytest.CaptureFixture[str]) -> Omnivert:
     return called
 
 
-def part_of_corridor(path: Path, seconds: float, *leave_out: type[Message]) -> Path:
-    """The first seconds of the packaged drive: straight ahead."""
+def part_of_corridor(path: Path, seconds: float, *leave_out: type[Message], from_s: float | None = None) -> Path:
+    """The first seconds of the packaged drive, straight ahead, or others of it: from 22.5 to 42 s it turns."""
     corridor = Recording(recording_path("corridor"))
     with RecordingWriter(path, corridor.config(Config())) as writer:
-        for key, message in corridor.messages(to_s=seconds):
+        for key, message in corridor.messages(from_s=from_s, to_s=seconds):
             if not isinstance(message, leave_out):
                 writer.write(key, message)
     return path
@@ -63,6 +63,12 @@ def part_of_corridor(path: Path, seconds: float, *leave_out: type[Message]) -> P
 def straight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive of 8 s straight ahead."""
     return part_of_corridor(tmp_path_factory.mktemp("rec") / "straight.mcap", 8.0)
+
+
+@pytest.fixture(scope="session")
+def turning(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """6 s of turning on the spot."""
+    return part_of_corridor(tmp_path_factory.mktemp("rec") / "turning.mcap", 28.5, from_s=22.5)
 
 
 @pytest.fixture(scope="session")

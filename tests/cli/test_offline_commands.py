@@ -1,6 +1,7 @@
 """calibrate, track and play --info on small recordings: results on stdout, story on stderr, honest exit codes."""
 
 import csv
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from omnivert.cli import results
 from omnivert.cli.calibrate import Outcome, refusal
+from omnivert.cli.given import missing
 from omnivert.cli.outputs import check_outputs
 from omnivert.errors import DataError
 from omnivert.messages import Estimate, Mount, ParameterVerdict, State
@@ -22,12 +24,32 @@ def test_a_straight_drive_is_refused_with_what_is_missing(omnivert: Any, straigh
     assert ran.out == ""
     given, drive, error, *rest = ran.err.splitlines()
     assert given.startswith("given   straight.mcap  8.0 s")
-    assert "24 frames (3.0 Hz, longest gap 333 ms)" in given
+    assert given.endswith("24 frames (3.0 Hz, longest gap 333 ms) · 400 ticks · 0 missing")
     assert drive.startswith("drive   ")
     assert error.startswith("error[OV104]: phi and psi can not be told apart")
     assert any(line.startswith("  because  ") for line in rest)
     assert any(line.startswith("  help     ") for line in rest)
     assert any("omnivert explain OV104" in line for line in rest)
+
+
+def test_a_refusal_has_one_number_for_the_way_that_was_driven(omnivert: Any, straight: Path) -> None:
+    told = omnivert("calibrate", straight).err
+    (driven,) = re.findall(r"drive   (\S+) m driven", told)
+    assert f"because  you drove straight for {driven} m" in told
+
+
+def test_a_refusal_has_one_number_for_the_turn_that_was_made(omnivert: Any, turning: Path) -> None:
+    told = omnivert("calibrate", turning).err
+    (turned,) = re.findall(r"m driven, (\S+) deg turned", told)
+    assert f"because  you only turned on the spot, by {turned} deg" in told
+
+
+@pytest.mark.parametrize("left_out", [(), (3,), (3, 4, 9), (1, 4, 5, 6)])
+def test_what_is_lost_is_counted_by_the_rhythm_of_the_rest(left_out: tuple[int, ...]) -> None:
+    jitter = (0, 9, -12, 4, 15, -3, 0, 8, -14, 2, 7, 0)
+    stamps = [10_000_000_000 + 100 * k + jitter[k % 12] for k in range(36) if k not in left_out]
+    assert missing(stamps) == len(left_out)
+    assert (missing([]), missing([5]), missing([5, 5, 5]), missing([5, 9])) == (0, 0, 0, 0)
 
 
 def test_a_refusal_with_json_is_one_object_with_all_that_is_known(omnivert: Any, straight: Path) -> None:
