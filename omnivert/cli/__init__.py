@@ -7,11 +7,9 @@ __all__ = ["main"]
 
 def main() -> None:
     """The console script."""
-    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if interruptible:  # while it only loads, there is nothing to put in order at ctrl-c, and nothing to tell
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        # While it only loads, there is nothing to put in order at ctrl-c, and nothing to tell.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from omnivert.cli import app
 
-    if interruptible:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     app.main()

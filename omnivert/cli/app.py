@@ -1,5 +1,7 @@
 """All commands under one name, and what happens when one of them refuses."""
 
+import os
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Annotated
@@ -22,6 +24,7 @@ from omnivert.cli import (
     track,
     up,
 )
+from omnivert.cli.interrupts import INTERRUPTED, interruptible
 from omnivert.errors import DataError, OmnivertError, UseError
 
 app = typer.Typer(
@@ -64,22 +67,52 @@ def root(
 
 def main() -> None:
     """The console script."""
-    say.speak_plainly_where_needed()
-    sys.exit(run(sys.argv[1:]))
+    say.streams_in_place()
+    try:
+        with interruptible():
+            code = run(sys.argv[1:])
+    except KeyboardInterrupt:  # between two lines of ours
+        code = INTERRUPTED
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command line; returns its exit code: 0 done, 1 the data do not allow it, 2 wrong use."""
+    """Run one command line.
+
+    returns  its exit code: 0 done, 1 the data do not allow it, 2 wrong use; 130 ctrl-c, 141 nobody reads on
+    """
+    try:
+        return _ran(arguments)
+    except BrokenPipeError:
+        return _nobody_reads()
+    except SystemExit as error:  # how rich and typer end a program that nobody reads on
+        if not isinstance(error.__context__, BrokenPipeError):
+            raise
+        return _nobody_reads()
+
+
+def _nobody_reads() -> int:
+    """As of a program that SIGPIPE has ended; what is still held back to be written goes nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(nowhere, stream.fileno())
+    return 128 + signal.SIGPIPE
+
+
+def _ran(arguments: Sequence[str]) -> int:
     try:
         code = app(args=list(arguments), prog_name="omnivert", standalone_mode=False)
+        sys.stdout.flush()
     except OmnivertError as error:
         return _refused(error, arguments)
     except WRONG_USE as error:
         return _refused(_use_error(error), arguments)
+    except BrokenPipeError:
+        raise
     except OSError as error:  # whatever path or stream it was that a command did not expect to fail
         return _refused(_broken_world(error), arguments)
     except (KeyboardInterrupt, typer.Abort):
-        return 130
+        return INTERRUPTED
     return code if isinstance(code, int) else 0
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from omnivert.cli.interrupts import held_back
 from omnivert.errors import UseError
 
 _STOP_S = 2.0  # for all that stand on the router, to end by themselves
@@ -81,7 +82,8 @@ class Supervisor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.stop()
+        with held_back():  # cut short, it would leave services behind
+            self.stop()
         if self._term is not None:
             signal.signal(signal.SIGTERM, self._term)
 

@@ -22,8 +22,8 @@ class Signals:
     def watch(self) -> None:
         if threading.current_thread() is not threading.main_thread():
             return
-        for number, default in ((signal.SIGTERM, signal.SIG_DFL), (signal.SIGINT, signal.default_int_handler)):
-            if signal.getsignal(number) is default:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
                 self._before[number] = signal.signal(number, self._came)
 
     def release(self) -> None:

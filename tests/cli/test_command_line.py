@@ -116,6 +116,23 @@ def test_a_demo_into_a_file_is_wrong_use(omnivert: Any, tmp_path: Path) -> None:
     assert (ran.code, (tmp_path / "file").read_bytes()) == (2, b"mine")
 
 
+@pytest.mark.parametrize("command", [("explain",), ("--help",), ("config",), ("config", "--json")], ids=" ".join)
+def test_who_stops_reading_ends_it_quietly(command: tuple[str, ...]) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as pipe:
+        done = subprocess.run([*OMNIVERT, *command], stdout=pipe, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_is_no_trouble(straight: Path, closed: str) -> None:
+    command = f'exec "$@" {closed}'
+    words = ["sh", "-c", command, "sh", *OMNIVERT, "track", str(straight)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
+
+
 def test_an_import_overwrites_no_recording_either(omnivert: Any, tmp_path: Path) -> None:
     (tmp_path / "drive.mcap").write_bytes(b"the only drive")
     ran = omnivert("import", "frames", tmp_path, "-o", tmp_path / "drive.mcap")

@@ -61,7 +61,8 @@ def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Pa
     assert processes_of(tmp_path) == []
 
 
-def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path, number: int) -> None:
     command = [*OMNIVERT, "demo", "--output", str(tmp_path / "out")]
     with subprocess.Popen(
         command,
@@ -75,7 +76,7 @@ def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path) -> None:
         for line in demo.stderr:
             if "playing" in line:
                 break
-        demo.send_signal(signal.SIGINT)
+        demo.send_signal(number)
         rest = demo.stderr.read()
         assert demo.wait(30) == 130
     assert "Traceback" not in rest

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from omnivert.cli import up
+from omnivert.cli.interrupts import held_back, interruptible
 from omnivert.cli.settings import opened
 from omnivert.config import Config, load, parsed
 from omnivert.wire.bus import Bus, Router
@@ -55,8 +57,60 @@ def test_ctrl_c_while_it_loads_is_silent() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
 
 
-def on_bus(folder: Path) -> Config:
-    return parsed({"bus": {"endpoint": f"unixsock-stream/{folder}/bus.sock"}}, "test")
+def interrupted(number: int, arguments: Sequence[str], mark: str, **options: Any) -> tuple[int, str]:
+    """Exit code and story of a command that gets a signal when its story holds the mark."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        [*OMNIVERT, *arguments], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True, **options
+    ) as process:
+        assert process.stderr is not None
+        told = []
+        for line in process.stderr:
+            told.append(line)
+            if mark in line:
+                break
+        process.send_signal(number)
+        told += process.stderr.readlines()
+        return process.wait(30), "".join(told)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_calibration_as_ctrl_c_does(number: int) -> None:
+    assert interrupted(number, ("calibrate", "corridor"), "given")[0] == 130
+
+
+def test_a_command_puts_in_order_what_it_began_when_it_is_told_to_end() -> None:
+    ends = "import os, signal, sys\nfrom omnivert.cli import app, track\n"
+    ends += "def told(*rest):\n    try:\n        os.kill(os.getpid(), signal.SIGTERM)\n        signal.pause()\n"
+    ends += "    finally:\n        print('in order')\ntrack._report = told\nfrom omnivert.cli import main\nmain()"
+    command = [sys.executable, "-c", ends, "track", "corridor"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, "Traceback" in done.stderr) == (130, "in order\n", False)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_waits_for_what_must_not_be_cut_short(number: int) -> None:
+    steps = []
+
+    def work() -> None:
+        with interruptible():
+            with held_back():
+                signal.raise_signal(number)
+                steps.append("whole")
+            steps.append("never")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert steps == ["whole"]
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_recording_told_to_end_ends_as_at_ctrl_c(tmp_path: Path) -> None:
+    config = on_bus(tmp_path)
+    command = ("record", str(tmp_path / "d.mcap"), "--connect", config.bus.endpoint, "--json")
+    with Router(config):
+        code, told = interrupted(signal.SIGTERM, command, "recording robot")
+    assert (code, "error[OV308]" in told) == (1, True)  # nobody was there to be heard, and it says so
 
 
 def test_what_was_recorded_is_said_as_json(omnivert: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,6 +125,10 @@ def test_what_was_recorded_is_said_as_json(omnivert: Any, tmp_path: Path, monkey
     assert ran.code == 0
     said = {"recording": f"{tmp_path}/d.mcap", "robot": "demo", "bytes": 12, "messages": {"ticks": 3, "frame": 2}}
     assert ran.json == said
+
+
+def on_bus(folder: Path) -> Config:
+    return parsed({"bus": {"endpoint": f"unixsock-stream/{folder}/bus.sock"}}, "test")
 
 
 def test_a_playback_to_nobody_says_so_and_how_it_went(omnivert: Any, straight: Path, tmp_path: Path) -> None:
@@ -154,7 +212,8 @@ def test_up_tells_a_store_that_cannot_be_written_and_that_nothing_was_stored(str
     assert told[-1].startswith(f"stopped; nothing was stored: {because}; nothing waited"), told[-1]
 
 
-def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path, number: int) -> None:
     frames = tmp_path / "frames"
     frames.mkdir()
     cv2.imwrite(str(frames / "0.png"), np.full((480, 640), 90, np.uint8))
@@ -181,7 +240,7 @@ def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path) -
             told.append(line)
             if "router: listening" in line:
                 break
-        up.send_signal(signal.SIGINT)
+        up.send_signal(number)
         told += up.stderr.readlines()
         assert up.wait(30) == 0, told
     text = "".join(told)
