@@ -46,7 +46,7 @@ def config(tmp_path: Path) -> Config:
                 "height_px": 48,
                 "reopen_s": 0.02,
             },
-            "ring": {"r_min_px": 5.0, "r_max_px": 22.0},
+            "ring": {"center_px": [32, 24], "r_min_px": 5.0, "r_max_px": 22.0},
         },
         "",
     )
