@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.given import count
@@ -25,6 +26,7 @@ from omnivert.messages import Bearings, Frame
 from omnivert.wire.channels import FRAME
 
 if TYPE_CHECKING:
+    from omnivert.bench.score.score import Score
     from omnivert.config import Config
     from omnivert.wire.recording import Recording
 
@@ -41,7 +43,7 @@ def track(
     mode: ModeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Find and follow the vertical lines of a recording."""
+    """Find and follow the vertical lines of a recording; scores them where it carries their truth."""
     chosen = with_mode(settings(config), mode)
     source = opened(recording)
     frames = count(source, FRAME)
@@ -58,7 +60,7 @@ def track(
         _write(csv_path, LINES_HEADER, _lines(tracked))
     if centers is not None:
         _write(centers, CENTERS_HEADER, _centers(tracked))
-    _report(tracked, as_json)
+    _report(tracked, _scored(source, tracked), as_json)
     for path in (csv_path, centers, draw):
         if path is not None:
             say.story(f"wrote   {path}")
@@ -118,7 +120,20 @@ def _write(path: Path, header: tuple[str, ...], rows: Iterator[tuple[str, ...]])
         raise DataError("OV322", f"cannot write {path}", str(error.strerror or error)) from error
 
 
-def _report(tracked: list[Bearings], as_json: bool) -> None:
+def _scored(source: "Recording", tracked: list[Bearings]) -> "Score | None":
+    """How right the lines are, where the recording carries a truth that can be read."""
+    from omnivert.bench.score.score import score
+    from omnivert.bench.score.truth import Sighting, truth_of
+
+    try:
+        truths = truth_of(source)
+    except DataError as error:
+        say.story(f"[yellow]not scored[/]: {escape(str(error))}")
+        return None
+    return None if truths is None else score(map(Sighting.of, tracked), truths)
+
+
+def _report(tracked: list[Bearings], score: "Score | None", as_json: bool) -> None:
     counts = [len(frame.track_id) for frame in tracked]
     ids = {int(i) for frame in tracked for i in frame.track_id}
     bad = [frame for frame in tracked if frame.reasons]
@@ -133,9 +148,12 @@ def _report(tracked: list[Bearings], as_json: bool) -> None:
                 "sightings": sum(counts),
                 "lines_per_frame": sum(counts) / len(counts),
                 "ring_found": sum(frame.ring is not None for frame in tracked),
+                "score": None if score is None else score.json(),
             }
         )
         return
     say.result(f"{len(tracked)} frames · {sum(counts) / len(counts):.1f} lines a frame · {len(ids)} tracks")
     if bad:
         say.result(f"{len(bad)} frames could not be used: {'; '.join(reasons)}")
+    for row in [] if score is None else score.words():
+        say.result(row)

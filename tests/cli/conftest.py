@@ -1,7 +1,7 @@
 """Command lines run in this process, and small recordings to run them on."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,13 +49,24 @@ def omnivert(capsys: pytest.CaptureFixture[str]) -> Omnivert:
     return called
 
 
-def part_of_corridor(path: Path, seconds: float, *leave_out: type[Message], from_s: float | None = None) -> Path:
+TRUTH = ("truth/lines.csv", "truth/nonstatic_lines.csv", "truth/centers.csv")
+
+
+def part_of_corridor(
+    path: Path,
+    seconds: float,
+    *leave_out: type[Message],
+    from_s: float | None = None,
+    truth: Mapping[str, bytes] | None = None,
+) -> Path:
     """The first seconds of the packaged drive, straight ahead, or others of it: from 22.5 to 42 s it turns."""
     corridor = Recording(recording_path("corridor"))
     with RecordingWriter(path, corridor.config(Config())) as writer:
         for key, message in corridor.messages(from_s=from_s, to_s=seconds):
             if not isinstance(message, leave_out):
                 writer.write(key, message)
+        for name, data in (truth or {}).items():
+            writer.attach(name, data)
     return path
 
 
@@ -74,6 +85,19 @@ def turning(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def without_ticks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return part_of_corridor(tmp_path_factory.mktemp("rec") / "no-ticks.mcap", 1.0, Ticks)
+
+
+@pytest.fixture(scope="session")
+def scored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive of 8 s straight ahead with the truth of its lines."""
+    corridor = Recording(recording_path("corridor"))
+    path = tmp_path_factory.mktemp("rec") / "scored.mcap"
+    return part_of_corridor(path, 8.0, truth={name: corridor.attachment(name) for name in TRUTH})
+
+
+@pytest.fixture(scope="session")
+def damaged_truth(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return part_of_corridor(tmp_path_factory.mktemp("rec") / "damaged.mcap", 1.0, truth={TRUTH[0]: b"no table"})
 
 
 @pytest.fixture

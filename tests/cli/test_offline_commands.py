@@ -103,6 +103,28 @@ def test_tracks_and_centres_are_written_as_tables(omnivert: Any, straight: Path,
     assert picture.shape == (480, 640, 3)
 
 
+def test_a_recording_with_truth_is_scored(omnivert: Any, scored: Path) -> None:
+    ran = omnivert("track", scored, "--json")
+    score = ran.json["score"]
+    assert score["frames"] == 24
+    assert score["recall"] > 0.8
+    assert score["precision"] > score["precision_chance"]
+    assert score["correct_percent"] + score["false_percent"] + score["false_new_percent"] == pytest.approx(100.0)
+    found, kept = omnivert("track", scored).out.splitlines()[1:]
+    assert found.startswith(f"found   {100 * score['recall']:.1f} % of the strong lines")
+    assert kept.startswith(f"kept    {score['correct_percent']:.2f} % of links right")
+
+
+def test_without_truth_there_is_no_score(omnivert: Any, straight: Path) -> None:
+    assert omnivert("track", straight, "--json").json["score"] is None
+
+
+def test_a_damaged_truth_is_said_and_the_lines_come_all_the_same(omnivert: Any, damaged_truth: Path) -> None:
+    ran = omnivert("track", damaged_truth, "--json")
+    assert (ran.code, ran.json["score"], ran.json["frames"]) == (0, None, 3)
+    assert ran.err.startswith("not scored: truth/lines.csv in ")
+
+
 def test_tracking_in_paper_mode_finds_fewer_lines(omnivert: Any, straight: Path) -> None:
     ours, paper = omnivert("track", straight, "--json"), omnivert("track", straight, "--mode", "paper", "--json")
     assert paper.json["lines_per_frame"] < ours.json["lines_per_frame"]
