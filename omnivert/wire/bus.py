@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from typing import Any, Self
 
 import zenoh
@@ -158,7 +159,9 @@ class Bus:
         """
         witness = self._connected()  # a session's own answers run ahead of what it has told the router
         try:
-            known = rivals.Known(self._presence, lambda: _tokens(witness), services, self._stopped.is_set)
+            known = rivals.Known(
+                self._presence, lambda: rivals.tokens(witness, zenoh.ZError), services, self._stopped.is_set
+            )
             if rival := known.settled(self.ready, self._token is not None):
                 raise rivals.refusal(self.config.robot.id, self.service, rival)
         finally:
@@ -341,16 +344,6 @@ def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
-
-
-def _tokens(session: zenoh.Session | None) -> frozenset[str] | None:
-    """The tokens that the router knows; None when it has not answered, or was not there all the while."""
-    with suppress(zenoh.ZError):
-        if session is not None and (router := session.info.routers_zid()):
-            replies = list(session.liveliness().get("v1/@live/**", timeout=1.0))
-            if all(reply.ok for reply in replies) and session.info.routers_zid() == router:
-                return frozenset(str(reply.ok.key_expr) for reply in replies if reply.ok)
-    return None
 
 
 def _close(session: Any) -> None:  # zenoh's own type for it is incomplete

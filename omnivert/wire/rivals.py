@@ -10,7 +10,9 @@ at least the later one is told of the other.
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 from omnivert.errors import UseError
 from omnivert.wire.presence import Presence, Who, who_from_key
@@ -23,6 +25,20 @@ def refusal(robot: str, service: str, rival: str) -> UseError:
     because = f"both publish the sensors of robot {robot}, and one {rival} is here"
     help = "omnivert up --play REC, which starts no bridge" if rival == "bridge" else "omnivert monitor"
     return UseError("OV402", f"{service} cannot run beside another {rival}", because, help)
+
+
+def tokens(session: Any, failure: type[Exception]) -> frozenset[str] | None:
+    """The presence keys that a zenoh session's router knows; None without a session, or when the router has not
+    answered or was not there all the while.
+
+    failure  what the session raises when it is closed
+    """
+    with suppress(failure):
+        if session is not None and (router := session.info.routers_zid()):
+            replies = list(session.liveliness().get("v1/@live/**", timeout=1.0))
+            if all(reply.ok for reply in replies) and session.info.routers_zid() == router:
+                return frozenset(str(reply.ok.key_expr) for reply in replies)
+    return None
 
 
 @dataclass(frozen=True, slots=True)
