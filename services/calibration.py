@@ -52,6 +52,8 @@ class _Desk:
         self._newest_ns: dict[type[Message], int] = {}
         self._newest: Received | None = None
         self._run = b""
+        self._is_loop = False
+        self._bus.note(None, "loop")
         self._seen_from_start = False
         self._causes: dict[int, Received] = {}  # stamp of bearings that wait for their estimate -> how they came
         self._vision = b""
@@ -64,6 +66,9 @@ class _Desk:
             case Receipt() as receipt:
                 self.claims.acknowledge(receipt)
             case Playback() as playback:
+                if received.run == self._run and not playback.total and not self._is_loop:
+                    self._is_loop = True
+                    self._bus.note("a loop shows the same drive again: nothing of it is claimed", "loop")
                 if playback.finished and received.run == self._run and self._has_all_of(playback):
                     self._finish(received)
             case Ticks() | Bearings() as message:
@@ -119,7 +124,7 @@ class _Desk:
                 came = self._causes.pop(result.stamp_ns, None)
                 if came is not None:
                     self._bus.done(came)
-            case Extrinsics():
+            case Extrinsics() if not self._is_loop:  # the same drive once more is no further evidence
                 self._bus.publish(EXTRINSICS, result, cause=cause)
                 self.claims.claim(result, time.monotonic())
 

@@ -214,6 +214,17 @@ def test_at_the_end_of_a_playback_everything_that_waits_goes_through(bus: QuietB
     assert calibrator.closed
 
 
+def test_of_a_loop_nothing_is_claimed_because_it_shows_the_same_again(bus: QuietBus) -> None:
+    drive = Drive(desk_on(bus), b"run-1")
+    drive.plays(0, 20)
+    drive.says(Playback(20 * MS, 1, 0, False))
+    drive.plays(20, 200)
+    published = [channel for channel, _, _ in bus.published]
+    assert published.count(ESTIMATE) > 3
+    assert EXTRINSICS not in published
+    assert "nothing of it is claimed" in (bus.notes["loop"] or "")
+
+
 def test_the_end_of_another_playback_ends_nothing(bus: QuietBus) -> None:
     desk = desk_on(bus)
     Drive(desk, b"run-1").plays(0, 100)
