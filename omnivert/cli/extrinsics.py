@@ -17,6 +17,7 @@ from omnivert.formats.extrinsics_export import Form, body, exported, robot_from_
 from omnivert.pictures.words import quantities, word
 
 if TYPE_CHECKING:
+    from omnivert.config import Config
     from omnivert.store import Entry, Store
 
 app = typer.Typer(help="What the store holds.")
@@ -47,9 +48,11 @@ def history(
     as_json: JsonOption = False,
 ) -> None:
     """Every value that was stored for a camera, newest first."""
-    chosen = settings(config, robot)
     with _opened(config, store) as opened:
-        entries = opened.history(chosen.robot.id, camera or chosen.camera.id)
+        chosen = _whose(opened, config, robot, camera)
+        entries = opened.history(chosen.robot.id, chosen.camera.id)
+        if not entries:
+            raise _nothing_for(f"robot {chosen.robot.id}, camera {chosen.camera.id}", opened)
     _table(entries, as_json)
 
 
@@ -74,7 +77,7 @@ def show(
         say.result(f"  {part.name:<5} {part}")
     if text := results.together(extrinsics.mount):
         say.result(f"  phi + psi = {text}")
-    say.result(f"  camera at x {x:.4f} m, y {y:.4f} m, heading {yaw:.5f} rad in the robot's frame")
+    say.result(f"  camera at x {x:.4f} m, y {y:.4f} m, heading {math.degrees(yaw):.3f} deg in the robot's frame")
     say.result(f"  from {extrinsics.frames} frames, saved {found.saved_at} by {extrinsics.software}")
     say.result(f"  for the rig {extrinsics.rig_digest}")
     for reason in extrinsics.reasons:
@@ -135,27 +138,36 @@ def _found(
 
     raises  DataError when there is none
     """
-    chosen = settings(config, robot)
     with _opened(config, store) as opened:
+        chosen = _whose(opened, config, robot, camera)
         if number is not None:
             found = next((entry for entry in opened.entries() if entry.entry == number), None)
         else:
-            found = opened.latest(chosen.robot.id, camera or chosen.camera.id)
-        others = opened.newest()
-        where = opened.path
-    if found is not None:
-        ours = with_camera(chosen, camera) if camera is not None else chosen
-        if config is not None and (changes := ours.rig_changes(found.extrinsics.rig_digest)):
-            text = f"#{found.entry} was stored for another rig than that of {config}: what differs is "
-            say.story(f"[yellow]![/] {escape(text + '; '.join(changes))}")
-        return found
-    who = f"robot {chosen.robot.id}, camera {camera or chosen.camera.id}"
-    wanted = who if number is None else f"entry {number}"
-    names = ", ".join(f"{entry.extrinsics.robot}/{entry.extrinsics.camera}" for entry in others)
-    because = f"it holds {names}" if names else "it is empty"
-    raise DataError(
-        "OV607", f"nothing is stored for {wanted} in {where}", because, f"omnivert extrinsics list --store {where}"
-    )
+            found = opened.latest(chosen.robot.id, chosen.camera.id)
+        if found is None:
+            who = f"robot {chosen.robot.id}, camera {chosen.camera.id}"
+            raise _nothing_for(who if number is None else f"entry {number}", opened)
+    if config is not None and (changes := chosen.rig_changes(found.extrinsics.rig_digest)):
+        text = f"#{found.entry} was stored for another rig than that of {config}: what differs is "
+        say.story(f"[yellow]![/] {escape(text + '; '.join(changes))}")
+    return found
+
+
+def _whose(opened: "Store", config: Path | None, robot: str | None, camera: str | None) -> "Config":
+    """The configuration with the robot and camera asked for; where nothing names them, the only ones in the store."""
+    newest = opened.newest()
+    if config is None and robot is None and camera is None and len(newest) == 1:
+        only = newest[0].extrinsics
+        robot, camera = only.robot, only.camera
+    chosen = settings(config, robot)
+    return chosen if camera is None else with_camera(chosen, camera)
+
+
+def _nothing_for(wanted: str, opened: "Store") -> DataError:
+    whom = [entry.extrinsics for entry in opened.newest()]
+    because = f"it holds {', '.join(f'{e.robot}/{e.camera}' for e in whom)}" if whom else "it is empty"
+    help = f"--robot {whom[0].robot} --camera {whom[0].camera}" if whom else "omnivert monitor"
+    return DataError("OV607", f"nothing is stored for {wanted} in {opened.path}", because, help)
 
 
 def _table(entries: list["Entry"], as_json: bool) -> None:

@@ -65,7 +65,7 @@ def test_nothing_stored_is_said_with_what_is(omnivert: Any, store: Path, tmp_pat
     ran = omnivert("extrinsics", "show", "--store", store, "--robot", "other")
     assert ran.code == 1
     assert "arm/wrist, demo/front" in ran.err
-    assert "omnivert extrinsics list" in ran.err
+    assert "--robot arm --camera wrist" in ran.err
     ran = omnivert("extrinsics", "list", "--store", tmp_path / "none.db")
     assert (ran.code, ran.out) == (1, "")
     assert "error[OV605]" in ran.err
@@ -116,3 +116,12 @@ def test_a_store_that_is_a_folder_is_called_so(omnivert: Any, tmp_path: Path) ->
 
 def test_an_unknown_format_is_wrong_use(omnivert: Any, store: Path) -> None:
     assert omnivert("extrinsics", "export", "--store", store, "--format", "xml").code == 2
+
+
+def test_the_only_robot_in_a_store_need_not_be_named(omnivert: Any, tmp_path: Path) -> None:
+    with Store(tmp_path / "x.db") as store:
+        store.put(extrinsics("rob7", "rear", 1, 0.6))
+    for command in (("show",), ("history",), ("export", "--format", "ros2")):
+        assert omnivert("extrinsics", *command, "--store", tmp_path / "x.db").code == 0
+    other = omnivert("extrinsics", "history", "--store", tmp_path / "x.db", "--robot", "other")
+    assert (other.code, "--robot rob7 --camera rear" in other.err) == (1, True)
