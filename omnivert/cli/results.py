@@ -97,14 +97,14 @@ def mount_json(mount: Mount | None) -> dict[str, Any]:
 
 
 def truth_json(mount: Mount | None, truth: Truth | None) -> dict[str, Any]:
-    """Truth, error and error in sigmas; empty where the truth is not known."""
+    """Truth, and how far the estimate is off it, also in sigmas; empty where the truth is not known."""
     if truth is None:
         return {}
     names = ("phi_rad", "rho_m", "psi_rad")
     body: dict[str, Any] = {"truth": dict(zip(names, truth, strict=True))}
     if mount is not None:
-        body["error"] = dict(zip(names, errors(mount, truth), strict=True))
-        body["error_in_sigmas"] = dict(zip(PARAMETERS, in_sigmas(mount, truth), strict=True))
+        body["off"] = dict(zip(names, errors(mount, truth), strict=True))
+        body["off_in_sigmas"] = dict(zip(PARAMETERS, in_sigmas(mount, truth), strict=True))
     return body
 
 

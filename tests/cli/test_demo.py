@@ -43,10 +43,10 @@ def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Pa
     assert ran.returncode == 0, ran.stderr
     body = json.loads(ran.stdout)
     assert body["verdict"] == "calibrated"
-    assert max(body["error_in_sigmas"].values()) < 3.0
-    assert abs(body["error"]["phi_rad"]) < 0.035
-    assert abs(body["error"]["rho_m"]) < 0.015
-    assert abs(body["error"]["psi_rad"]) < 0.035
+    assert max(body["off_in_sigmas"].values()) < 3.0
+    assert abs(body["off"]["phi_rad"]) < 0.035
+    assert abs(body["off"]["rho_m"]) < 0.015
+    assert abs(body["off"]["psi_rad"]) < 0.035
     picture = cv2.imread(str(output / "result.png"))
     assert picture is not None
     assert picture.std() > 20
