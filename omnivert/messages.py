@@ -180,7 +180,7 @@ class Playback:
 
     stamp_ns: StampNs  # of the newest message played
     played: Count  # messages
-    total: Count  # 0: without end, the recording again and again
+    total: Count  # of one round; a loop plays on beyond it
     finished: bool
     frame_ns: StampNs = 0  # of the newest frame played
     ticks_ns: StampNs = 0  # of the newest ticks played

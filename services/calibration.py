@@ -66,9 +66,9 @@ class _Desk:
             case Receipt() as receipt:
                 self.claims.acknowledge(receipt)
             case Playback() as playback:
-                if received.run == self._run and not playback.total and not self._is_loop:
+                if received.run == self._run and playback.played > playback.total and not self._is_loop:
                     self._is_loop = True
-                    self._bus.note("a loop shows the same drive again: nothing of it is claimed", "loop")
+                    self._bus.note("the playback shows the same drive again: nothing more of it is claimed", "loop")
                 if playback.finished and received.run == self._run and self._has_all_of(playback):
                     self._finish(received)
             case Ticks() | Bearings() as message:

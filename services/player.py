@@ -78,7 +78,7 @@ def run(
     player = _Player(bus, config)
     with player.following():
         player.await_services(wait_for)
-        played = player.play(part.rounds(loop), 0 if loop else part.count(), speed)
+        played = player.play(part.rounds(loop), part.count(), speed)
     for reason, times in recording.refused.items():
         bus.refuse(f"recording: {reason}", times)
     return played

@@ -214,15 +214,16 @@ def test_at_the_end_of_a_playback_everything_that_waits_goes_through(bus: QuietB
     assert calibrator.closed
 
 
-def test_of_a_loop_nothing_is_claimed_because_it_shows_the_same_again(bus: QuietBus) -> None:
+@pytest.mark.parametrize("played", [3, 4])
+def test_the_next_rounds_of_a_loop_claim_nothing_because_they_show_the_same_again(bus: QuietBus, played: int) -> None:
     drive = Drive(desk_on(bus), b"run-1")
     drive.plays(0, 20)
-    drive.says(Playback(20 * MS, 1, 0, False))
+    drive.says(Playback(20 * MS, played, 3, False))
     drive.plays(20, 200)
     published = [channel for channel, _, _ in bus.published]
     assert published.count(ESTIMATE) > 3
-    assert EXTRINSICS not in published
-    assert "nothing of it is claimed" in (bus.notes["loop"] or "")
+    assert (EXTRINSICS in published) == (played <= 3)
+    assert ("nothing more of it is claimed" in (bus.notes["loop"] or "")) == (played > 3)
 
 
 def test_the_end_of_another_playback_ends_nothing(bus: QuietBus) -> None:
