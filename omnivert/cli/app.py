@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -24,7 +25,7 @@ from omnivert.cli import (
     track,
     up,
 )
-from omnivert.cli.interrupts import INTERRUPTED, interruptible
+from omnivert.cli.interrupts import INTERRUPTED, TERMINATED, interruptible
 from omnivert.errors import DataError, OmnivertError, UseError
 
 app = typer.Typer(
@@ -68,18 +69,18 @@ def root(
 def main() -> None:
     """The console script."""
     say.streams_in_place()
-    try:
-        with interruptible():
-            code = run(sys.argv[1:])
-    except KeyboardInterrupt:  # between two lines of ours
-        code = INTERRUPTED
-    sys.exit(code)
+    code = INTERRUPTED
+    came: list[int] = []
+    # A KeyboardInterrupt that comes as far as here came between two lines of ours.
+    with suppress(KeyboardInterrupt), interruptible(came):
+        code = run(sys.argv[1:])
+    sys.exit(TERMINATED if code == INTERRUPTED and signal.SIGTERM in came else code)
 
 
 def run(arguments: Sequence[str]) -> int:
     """Run one command line.
 
-    returns  its exit code: 0 done, 1 the data do not allow it, 2 wrong use; 130 ctrl-c, 141 nobody reads on
+    returns  its exit code: 0 done, 1 the data do not allow it, 2 wrong use; 130 interrupted, 141 nobody reads on
     """
     try:
         return _ran(arguments)

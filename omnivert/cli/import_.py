@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from omnivert.cli import say
-from omnivert.cli.endings import cancelled_by_sigterm
 from omnivert.cli.outputs import check_new_recording
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
 
@@ -29,7 +28,7 @@ def frames(
     from omnivert.formats.frames_import import import_frames
 
     check_new_recording(output)
-    with cancelled_by_sigterm(), say.progress("importing", None) as bar:
+    with say.progress("importing", None) as bar:
         counts = import_frames(folder, output, settings(config), bar.reach).counts
     size = output.stat().st_size
     if as_json:

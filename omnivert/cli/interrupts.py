@@ -1,17 +1,26 @@
 """How a command is ended from outside: SIGTERM ends it as ctrl-c does, and some steps are not cut short by either."""
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
-INTERRUPTED = 130  # exit code
+INTERRUPTED = 128 + signal.SIGINT  # exit code
+TERMINATED = 128 + signal.SIGTERM
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
-    """In here ctrl-c and SIGTERM raise KeyboardInterrupt; after it, and before, they end the process at once."""
+def interruptible(came: list[int]) -> Iterator[None]:
+    """In here ctrl-c and SIGTERM raise KeyboardInterrupt; after it, and before, they end the process at once.
+
+    came  gets, at the end, the numbers of the signals that came, whoever took them
+    """
+    told, tells = os.pipe()
+    os.set_blocking(told, False)
+    os.set_blocking(tells, False)
+    before = signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
     taken = [number for number in ENDING if signal.getsignal(number) is signal.SIG_DFL]
     for number in taken:
         signal.signal(number, signal.default_int_handler)
@@ -20,6 +29,10 @@ def interruptible() -> Iterator[None]:
     finally:
         for number in taken:
             signal.signal(number, signal.SIG_DFL)
+        signal.set_wakeup_fd(before)
+        os.close(tells)
+        came += os.read(told, 64)
+        os.close(told)
 
 
 @contextmanager

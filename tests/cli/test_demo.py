@@ -78,7 +78,7 @@ def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path, number: int
                 break
         demo.send_signal(number)
         rest = demo.stderr.read()
-        assert demo.wait(30) == 130
+        assert demo.wait(30) == 128 + number
     assert "Traceback" not in rest
     assert processes_of(tmp_path) == []
 

@@ -76,7 +76,7 @@ def interrupted(number: int, arguments: Sequence[str], mark: str, **options: Any
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_calibration_as_ctrl_c_does(number: int) -> None:
-    assert interrupted(number, ("calibrate", "corridor"), "given")[0] == 130
+    assert interrupted(number, ("calibrate", "corridor"), "given")[0] == 128 + number
 
 
 def test_a_command_puts_in_order_what_it_began_when_it_is_told_to_end() -> None:
@@ -85,15 +85,16 @@ def test_a_command_puts_in_order_what_it_began_when_it_is_told_to_end() -> None:
     ends += "    finally:\n        print('in order')\ntrack._report = told\nfrom omnivert.cli import main\nmain()"
     command = [sys.executable, "-c", ends, "track", "corridor"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, done.stdout, "Traceback" in done.stderr) == (130, "in order\n", False)
+    assert (done.returncode, done.stdout, "Traceback" in done.stderr) == (143, "in order\n", False)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_waits_for_what_must_not_be_cut_short(number: int) -> None:
-    steps = []
+    steps: list[str] = []
+    came: list[int] = []
 
     def work() -> None:
-        with interruptible():
+        with interruptible(came):
             with held_back():
                 signal.raise_signal(number)
                 steps.append("whole")
@@ -101,7 +102,7 @@ def test_a_signal_waits_for_what_must_not_be_cut_short(number: int) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         work()
-    assert steps == ["whole"]
+    assert (steps, came[0]) == (["whole"], number)
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
