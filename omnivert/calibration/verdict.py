@@ -50,7 +50,7 @@ def verdict(shown: Shown, limits: Calibration, before: State) -> Verdict:
     if shown.contradicted:
         return _all(State.INVALID, shown.contradicted, TURN_AND_DRIVE)
     sum_known = "" if shown.sum_rad is None or shown.sum_rad > 0.1 else f" (known to {_degrees(shown.sum_rad)})"
-    poor, manoeuvre = ("", "") if shown.restored else _one_motion(shown, sum_known)
+    poor, manoeuvre = ("", "") if shown.restored else _one_motion(shown)
     if shown.covariance is None:
         reason = poor or "because several mounts explain the drive so far about equally well"
         return _all(State.NOT_YET, reason, manoeuvre or TURN_AND_DRIVE)
@@ -91,7 +91,7 @@ def _state(sigma: float, limit: float, one_motion: bool) -> State:
     return State.CALIBRATED if sigma <= limit else State.USABLE
 
 
-def _one_motion(shown: Shown, sum_known: str) -> tuple[str, str]:
+def _one_motion(shown: Shown) -> tuple[str, str]:
     """Why motion about a single centre of rotation, or none, is not enough; empty when there was more."""
     if shown.driven_m < 0.2 and shown.turned_rad < np.deg2rad(20.0):
         turned = np.degrees(shown.turned_rad)
@@ -104,7 +104,7 @@ def _one_motion(shown: Shown, sum_known: str) -> tuple[str, str]:
     slant = abs(piece.slant)
     if slant < 0.17:
         return (
-            f"because you drove straight for {shown.driven_m:.1f} m, phi and psi are seen only as a sum{sum_known}",
+            f"because you drove straight for {shown.driven_m:.1f} m, phi and psi are seen only as a sum",
             TURN,
         )
     if slant > np.pi / 2.0 - 0.17:
