@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 
 from omnivert.bench.spread import Spread
+from omnivert.bench.yardstick import sobel_pair_s
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.ekf import Filter
 from omnivert.config import Config
@@ -51,7 +52,7 @@ def pipeline_times(recording: Recording, config: Config, moved: Callable[[], Non
         for _, message in recording.messages(types=(Frame, Ticks)):
             arriving: Bearings | Ticks
             if isinstance(message, Frame):
-                sobel.append(_sobel_pair_s(message))
+                sobel.append(sobel_pair_s(grey_from_frame(message)))
                 arriving, seconds = _seen(front_end, message, stages)
                 vision.append(seconds)
                 moved()
@@ -87,14 +88,6 @@ def _seen(front_end: FrontEnd, frame: Frame, stages: dict[str, list[float]]) -> 
         stages[stage.name].append(time.perf_counter() - start)
     bearings = front_end.bearings(work)
     return bearings, time.perf_counter() - began
-
-
-def _sobel_pair_s(frame: Frame) -> float:
-    grey = grey_from_frame(frame)
-    began = time.perf_counter()
-    cv2.Sobel(grey, cv2.CV_16S, 1, 0)
-    cv2.Sobel(grey, cv2.CV_16S, 0, 1)
-    return time.perf_counter() - began
 
 
 @contextmanager
