@@ -1,0 +1,1 @@
+"""What a user could take instead of omnivert's vision, run on the same frames."""
