@@ -1,11 +1,11 @@
-"""`omnivert bench pipeline`: how fast it is here, beside a yardstick in the same run."""
+"""`omnivert bench`: how fast it is here, beside a yardstick in the same run."""
 
 import platform
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omnivert.cli import results, say
+from omnivert.cli import bench_vision, results, say
 from omnivert.cli.given import count
 from omnivert.cli.settings import PACKAGED, ConfigOption, JsonOption, ModeOption, opened, settings, title, with_mode
 from omnivert.errors import DataError
@@ -21,6 +21,9 @@ app = typer.Typer(help="Measure speed.")
 @app.callback()
 def root() -> None:
     """Measure speed."""
+
+
+app.command("vision")(bench_vision.vision)
 
 
 @app.command("pipeline")

@@ -132,6 +132,19 @@ EXPLANATIONS = {
         "meant, and what one robot sees says nothing of another.",
         "omnivert monitor --robot ID, with one of the names in the message.",
     ),
+    "OV220": Explanation(
+        "no_peers",
+        "The vision is compared with EDLines, LSD, ORB and SIFT. They come with opencv-contrib-python-headless, which "
+        "would replace the OpenCV that omnivert runs on, so they have an environment of their own in your cache "
+        "folder. It could not be made, mostly because no package index is in reach, or the one named lacks something.",
+        "Leave them out: omnivert bench vision --no-peers. Or make an environment by hand, pip install "
+        "'opencv-contrib-python-headless>=5.0,<6' 'numpy>=2.1,<3' into it, and name its python by --peers-python.",
+    ),
+    "OV221": Explanation(
+        "peer_stopped",
+        "One of the peers that the vision is compared with ended before the last frame, or left no result.",
+        "Leave them out: omnivert bench vision --no-peers",
+    ),
     # 3: recordings and other files
     "OV301": Explanation(
         "recording_unreadable",

@@ -11,7 +11,7 @@ from omnivert.cli.explanations import EXPLANATIONS
 
 PROJECT = Path(__file__).resolve().parents[2]
 SOURCES = sorted(path for top in ("omnivert", "services") for path in (PROJECT / top).rglob("*.py"))
-GROUPS = {"import": {"frames"}, "extrinsics": {"list", "show", "history", "export"}, "bench": {"pipeline"}}
+GROUPS = {"import": {"frames"}, "extrinsics": {"list", "show", "history", "export"}, "bench": {"pipeline", "vision"}}
 SINGLE = {"demo", "up", "monitor", "record", "play", "calibrate", "track", "config", "explain"}
 
 
