@@ -1,7 +1,8 @@
 """A folder of images as a camera: in order of name, at a given rate."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from threading import Event
 
@@ -22,33 +23,70 @@ def image_files(folder: Path) -> list[Path]:
 def folder_frames(
     config: Camera, stop: Event, now_ns: Callable[[], int]
 ) -> Iterator[Frame | Opened | Lost | Refused | Finished]:
-    """Each image once, the k-th k periods after the first; the stamps keep that rhythm exactly."""
-    folder = Path(config.source)
-    files: list[Path] = []
+    """Each image once, the k-th k periods after the first; the stamps keep that rhythm exactly.
+
+    A folder that vanishes is waited for and begun again; one that has been played is finished.
+    """
+    while not stop.is_set():
+        yield from _until_there(config, stop)
+        played = yield from _played(config, stop, now_ns)
+        if played:
+            yield Finished()
+            return
+
+
+def _until_there(config: Camera, stop: Event) -> Iterator[Lost]:
+    """Ends when the folder holds an image, or at `stop`; tells each new reason why it does not."""
     reason = ""
-    while not files and not stop.is_set():
+    while not stop.is_set():
         try:
-            files = image_files(folder)
+            if image_files(Path(config.source)):
+                return
             why = "holds no image"
         except OSError as error:
             why = f"cannot be read: {error.strerror}"
-        if not files:
-            if why != reason:
-                reason = why
-                yield Lost(reason)
-            stop.wait(config.reopen_s)
+        if why != reason:
+            reason = why
+            yield Lost(reason)
+        stop.wait(config.reopen_s)
+
+
+def _played(config: Camera, stop: Event, now_ns: Callable[[], int]) -> Generator[Frame | Opened | Refused, None, bool]:
+    """What is in the folder, and what comes into it meanwhile; returns whether all of it has been played.
+
+    It has not at `stop`, and when the folder has vanished with its images.
+    """
+    files = _listed(config)
+    if not files:
+        return False
     yield Opened()
+    waiting, known = deque(files), set(files)
     period_ns = round(1e9 / config.frame_rate_hz)
     start_ns = now_ns()
-    for k, path in enumerate(files):
-        stamp_ns = start_ns + k * period_ns
+    k = 0
+    while waiting:
+        path, stamp_ns = waiting.popleft(), start_ns + k * period_ns
         if stop.wait(max(0.0, (stamp_ns - now_ns()) * 1e-9)):
-            return
+            return False
         try:
             yield frame_from_file(path.read_bytes(), stamp_ns)
         except (OSError, ValueError) as error:
+            if known.isdisjoint(_listed(config)):
+                return False
             yield Refused(f"{path.name}: {error}")
-    yield Finished()
+        k += 1
+        if not waiting:
+            waiting.extend(path for path in _listed(config) if path not in known)
+            known.update(waiting)
+    return True
+
+
+def _listed(config: Camera) -> list[Path]:
+    """The images that are there now."""
+    try:
+        return image_files(Path(config.source))
+    except OSError:
+        return []
 
 
 def _parts(name: str) -> list[tuple[int, str]]:

@@ -1,6 +1,7 @@
 """The bridge on a real bus: camera and encoder each on its own, whatever happens to the other."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -229,6 +230,20 @@ def test_a_folder_that_has_ended_leaves_the_bridge_alive(bridged: Bridged, confi
     heard(stream, note("camera: source finished"), encoder.send)
     heard(stream, is_ticks, encoder.send)
     assert bridged.thread.is_alive()
+
+
+def test_a_folder_that_vanishes_and_comes_back_gives_frames_again(bridged: Bridged, config: Config) -> None:
+    stream = bridged.other.listen(FRAME, HEALTH, period_s=0.02)
+    show_images(config, 400)
+    bridged.begin()
+    heard(stream, is_frame)
+    shutil.rmtree(config.camera.source)
+    heard(stream, note("images cannot be read: No such file or directory"))
+    away_ns = time.monotonic_ns()
+    show_images(config, 2)
+    heard(stream, lambda message: is_frame(message) and message.stamp_ns > away_ns)
+    heard(stream, note("camera: source finished"))
+    heard(stream, no_note("cannot be read"))
 
 
 def test_it_refuses_to_run_beside_a_player_that_does_not_leave(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """Cameras: folders, video files, and live ones that vanish and come back."""
 
+import shutil
 import subprocess
 import sys
 from itertools import islice
@@ -111,6 +112,63 @@ def test_an_empty_folder_is_named_and_waited_for(tmp_path: Path) -> None:
     (tmp_path / "one.png").write_bytes(encoded(".png"))
     assert next(events) == Opened()
     assert len(frames(list(events))) == 1
+
+
+def show(folder: Path, *names: str) -> None:
+    """The folder appears with these images."""
+    making = folder.with_name("making")
+    making.mkdir()
+    for name in names:
+        (making / name).write_bytes(encoded(".png"))
+    making.rename(folder)
+
+
+@pytest.mark.parametrize("names", [("0.png", "1.png", "2.png"), ("7.png", "8.png", "9.png")])
+def test_a_folder_that_vanishes_while_it_plays_is_waited_for_and_begun_again(
+    tmp_path: Path, names: tuple[str, ...]
+) -> None:
+    folder, clock = tmp_path / "images", Clock()
+    show(folder, "0.png", "1.png", "2.png")
+    events = camera_events(Camera(source=str(folder), frame_rate_hz=1000.0, reopen_s=0.01), Event(), clock)
+    before = list(islice(events, 2))
+    assert [type(event) for event in before] == [Opened, Frame]
+    shutil.rmtree(folder)
+    assert next(events) == Lost("cannot be read: No such file or directory")
+    show(folder, *names)
+    after = list(events)
+    assert [type(event) for event in after] == [Opened, Frame, Frame, Frame, Finished]
+    assert frames(after)[0].stamp_ns > frames(before)[-1].stamp_ns
+
+
+def test_a_folder_whose_images_vanish_before_it_is_waited_for(tmp_path: Path) -> None:
+    for name in ("0.png", "1.png"):
+        (tmp_path / name).write_bytes(encoded(".png"))
+    events = camera_events(Camera(source=str(tmp_path), frame_rate_hz=1000.0, reopen_s=0.01), Event())
+    assert [type(event) for event in islice(events, 2)] == [Opened, Frame]
+    for name in ("0.png", "1.png"):
+        (tmp_path / name).unlink()
+    assert next(events) == Lost("holds no image")
+    (tmp_path / "one.png").write_bytes(encoded(".png"))
+    assert [type(event) for event in events] == [Opened, Frame, Finished]
+
+
+def test_one_image_that_vanishes_is_refused_and_the_folder_goes_on(tmp_path: Path) -> None:
+    for name in ("0.png", "1.png", "2.png"):
+        (tmp_path / name).write_bytes(encoded(".png"))
+    events = camera_events(Camera(source=str(tmp_path), frame_rate_hz=1000.0), Event())
+    assert [type(event) for event in islice(events, 2)] == [Opened, Frame]
+    (tmp_path / "1.png").unlink()
+    assert [type(event) for event in events] == [Refused, Frame, Finished]
+
+
+def test_images_that_come_while_a_folder_plays_are_played_after_the_others(tmp_path: Path) -> None:
+    (tmp_path / "0.png").write_bytes(encoded(".png"))
+    events = camera_events(Camera(source=str(tmp_path), frame_rate_hz=1000.0), Event())
+    seen = list(islice(events, 2))
+    (tmp_path / "1.png").write_bytes(encoded(".png"))
+    seen += list(events)
+    assert [type(event) for event in seen] == [Opened, Frame, Frame, Finished]
+    assert np.diff([frame.stamp_ns for frame in frames(seen)]).tolist() == [1_000_000]
 
 
 def test_a_stop_ends_a_folder_at_once(tmp_path: Path) -> None:
