@@ -108,10 +108,28 @@ class Timeline:
         return not self._replay and newest - stamp > self._lateness_ns
 
 
-class _Stream:
-    """One stream: which of its stamps are believed."""
+class LoneStream:
+    """A stream that waits for no other: what fits goes on at once, also the first message, which nothing contradicts.
 
-    def __init__(self, name: str, settings: Settings, refused: Counter[str]) -> None:
+    refused   messages that were dropped, by reason
+    """
+
+    def __init__(self, stream: type[Message], settings: Settings) -> None:
+        self.refused: Counter[str] = Counter()
+        self._stream = _Stream(stream.__name__, settings, self.refused, starting=1)
+
+    def push(self, message: Message) -> list[Message]:
+        """Takes a message and returns those that may go on now, in rising order of stamp."""
+        return self._stream.accepted(message, others=None)
+
+
+class _Stream:
+    """One stream: which of its stamps are believed.
+
+    starting   messages that must agree before it has begun
+    """
+
+    def __init__(self, name: str, settings: Settings, refused: Counter[str], starting: int = _STARTING) -> None:
         self.name = name
         self.held: deque[Message] = deque()
         self.first_ns = 0  # on this clock
@@ -120,6 +138,7 @@ class _Stream:
         self._refused = refused
         self._max_jump_ns = round(settings.max_jump_s * 1e9)
         self._confirmations = settings.confirmations
+        self._starting = starting
         self._doubted: list[Message] = []  # do not fit, but fit each other
 
     def accepted(self, message: Message, others: tuple[int, int] | None) -> list[Message]:
@@ -144,7 +163,7 @@ class _Stream:
         first, last = self._doubted[0].stamp_ns, self._doubted[-1].stamp_ns
         near = others is None or others[0] - self._max_jump_ns <= first <= others[1] + self._max_jump_ns
         starting = self.newest_ns is None and near
-        if len(self._doubted) < (_STARTING if starting else self._confirmations):
+        if len(self._doubted) < (self._starting if starting else self._confirmations):
             return []
         self.clock_changed = not starting and (self.newest_ns is None or first <= self.newest_ns)
         if starting or self.clock_changed:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from omnivert.config import Timeline as Settings
 from omnivert.messages import Bearings, Message, Scan, Ticks
-from omnivert.timeline import Timeline
+from omnivert.timeline import LoneStream, Timeline
 
 SECOND = 1_000_000_000
 MS = 1_000_000
@@ -196,3 +196,24 @@ def test_stragglers_of_the_old_clock_do_not_bring_it_back() -> None:
     assert all(s < 1002 * SECOND for s in stamps(out))
     out = pushed(line, [bearings(SECOND + i * 66 * MS) for i in range(10)], replay=False)
     assert stamps(out, Bearings)
+
+
+# ------------------------------------------------------------------ one stream alone
+
+
+def test_a_lone_stream_goes_on_at_once_and_a_stamp_that_does_not_fit_is_refused() -> None:
+    line = LoneStream(Ticks, Settings())
+    given = (SECOND, SECOND, SECOND // 2, 2**61, SECOND + MS, SECOND + MS, SECOND + 2 * MS)
+    assert [stamps(line.push(ticks(stamp))) for stamp in given] == [
+        *([SECOND], [], [], []),
+        *([SECOND + MS], [], [SECOND + 2 * MS]),
+    ]
+    assert line.refused == {"Ticks: repeated stamp": 2, "Ticks: reversed stamp": 1, "Ticks: stamp far ahead": 1}
+
+
+def test_a_lone_stream_whose_clock_has_changed_goes_on_when_enough_agree() -> None:
+    line = LoneStream(Ticks, Settings(confirmations=3))
+    out = [stamps(line.push(message)) for message in (*ticking(2**61, 2), *ticking(SECOND, 4))]
+    later = stamps(ticking(SECOND, 4))
+    assert out == [[2**61], [2**61 + 20 * MS], [], [], later[:3], later[3:]]
+    assert not line.refused

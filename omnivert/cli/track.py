@@ -22,7 +22,7 @@ from omnivert.cli.settings import (
     with_mode,
 )
 from omnivert.errors import DataError
-from omnivert.messages import Bearings, Frame
+from omnivert.messages import Bearings
 from omnivert.wire.channels import FRAME
 
 if TYPE_CHECKING:
@@ -68,16 +68,11 @@ def track(
 
 def _drawn(source: "Recording", config: "Config", folder: Path | None) -> Iterator[Bearings]:
     """The tracked frames; each is also drawn into the folder, where one is given."""
-    from omnivert.offline import tracked
-
-    if folder is None:
-        yield from tracked(source, config)
-        return
     from omnivert.cli.drawn import write_drawn
+    from omnivert.offline import seen
 
-    frames = source.messages(types=(Frame,))
-    for index, ((_, frame), bearings) in enumerate(zip(frames, tracked(source, config), strict=True)):
-        if isinstance(frame, Frame):
+    for index, (frame, bearings) in enumerate(seen(source, config)):
+        if folder is not None:
             write_drawn(folder / f"{index:06d}.png", frame, bearings, config)
         yield bearings
 
