@@ -14,6 +14,7 @@ from omnivert.wire.envelope import Envelope
 from omnivert.wire.forms import WireError
 from omnivert.wire.inbox import Inbox, Parcel
 from omnivert.wire.meter import Meter
+from omnivert.wire.once import Once
 from omnivert.wire.received import Received, message_of, opened
 
 
@@ -43,20 +44,25 @@ def posted(channel: Channel, pattern: str, inbox: Inbox, meter: Meter, max_bytes
 def taken(inbox: Inbox, meter: Meter, period_s: float) -> Iterator[Received | None]:
     """The messages of an inbox until it is closed; None when nothing was given for `period_s`."""
     due_s = time.monotonic() + period_s
+    once = Once()
     while not inbox.closed:
         parcel = inbox.take(max(due_s - time.monotonic(), 0.0))
-        received = _opened(parcel, meter) if parcel is not None else None
+        received = _opened(parcel, meter, once) if parcel is not None else None
         if received is not None or (time.monotonic() >= due_s and not inbox.closed):
             yield received
             due_s = time.monotonic() + period_s
 
 
-def _opened(parcel: Parcel, meter: Meter) -> Received | None:
+def _opened(parcel: Parcel, meter: Meter, once: Once) -> Received | None:
     try:
-        return opened(parcel)
+        if once.has_taken(parcel.key, parcel.envelope):
+            raise WireError("the same sequence number again")
+        received = opened(parcel)
     except WireError as error:
         meter.refused(f"{parcel.key}: {error.reason}")
         return None
+    once.take(parcel.key, parcel.envelope)  # not before: what is no message must not keep out the one that is
+    return received
 
 
 def answered(key: str, answerer: Callable[[], Message | None], meter: Meter) -> Callable[[Any], None]:

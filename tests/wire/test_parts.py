@@ -14,7 +14,9 @@ from omnivert.wire.channels import CHANNELS, FRAME, TICKS, channel_from_key, pre
 from omnivert.wire.codec import decode, encode
 from omnivert.wire.envelope import Envelope
 from omnivert.wire.inbox import Inbox, Parcel
+from omnivert.wire.listening import taken
 from omnivert.wire.meter import Meter
+from omnivert.wire.once import Once
 from omnivert.wire.presence import Presence
 from omnivert.wire.received import Received
 from omnivert.wire.settings import client_settings, router_settings
@@ -94,6 +96,33 @@ def test_closing_the_inbox_wakes_up_whoever_waits() -> None:
     inbox.close()
     waiting.join(10.0)
     assert taken == [None]
+
+
+def test_a_copy_is_refused_and_one_that_is_no_message_keeps_out_nobody() -> None:
+    """Copies with a wrong bit carry the envelope of their originals."""
+    inbox, meter, key = Inbox(100, 10_000), Meter("vision", "front", 0), TICKS.key(Config())
+    envelopes = [Envelope(A, A, number, 0) for number in range(3)]
+    torn, genuine, copy = b"\x00\xff", encode(Ticks(1, 1, 1)), encode(Ticks(2**61, 9, 9))
+    for envelope in (envelopes[0], Envelope(A, A, 2**60, 0), envelopes[1], envelopes[2]):
+        for data in (torn, genuine, copy):
+            inbox.put(Parcel(TICKS, key, envelope, data))
+    inbox.put(Parcel(TICKS, key, Envelope(B, B, 0, 0), genuine))  # another's first one
+    got = [received for received, _ in zip(taken(inbox, meter, 10.0), range(5), strict=False) if received]
+    assert [(r.publisher, r.sequence, r.message.stamp_ns) for r in got] == [
+        *((A, number, 1) for number in (0, 2**60, 1, 2)),
+        (B, 0, 1),
+    ]
+    assert meter.health(0).refused == {f"{key}: not msgpack": 4, f"{key}: the same sequence number again": 4}
+
+
+def test_what_has_been_taken_is_remembered_within_bounds() -> None:
+    once = Once()
+    for number in range(3000):
+        once.take("k", Envelope(A, A, number, 0))
+    assert [once.has_taken("k", Envelope(A, A, number, 0)) for number in (0, 2000, 2999)] == [False, True, True]
+    for number in range(500):
+        once.take("k", Envelope(number.to_bytes(8, "big"), A, 0, 0))
+    assert not once.has_taken("k", Envelope(A, A, 2999, 0))
 
 
 # ------------------------------------------------------------------ meter
