@@ -3,10 +3,9 @@
 import logging
 import re
 import sys
-import threading
 
 from omnivert.errors import OmnivertError
-from omnivert.wire.bus import Router
+from omnivert.wire.bus import Bus, Router
 from omnivert.wire.endings import Signals
 from services import _start
 
@@ -15,10 +14,10 @@ _log = logging.getLogger("omnivert.router")
 
 def main() -> int:
     arguments, config = _start.arguments_and_config("router")
-    stopped = threading.Event()
-    Signals(stopped.set).watch()
+    bus = Bus(config, "router", arguments.instance or config.camera.id)  # tells the others that it is here, and how
+    Signals(bus.stop).watch()
     if arguments.supervised:
-        _start.stop_with_stdin(stopped.set)
+        _start.stop_with_stdin(bus.stop)
     try:
         with Router(config) as router:
             for endpoint in router.endpoints:
@@ -29,7 +28,10 @@ def main() -> int:
                         "router, without a password and in clear text",
                         endpoint,
                     )
-            stopped.wait()
+            with bus:
+                bus.ready()
+                while not bus.wait_stopped(3600.0):
+                    pass
     except OmnivertError as error:
         return _start.refusal("router", error)
     return 0

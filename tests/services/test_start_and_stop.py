@@ -17,9 +17,9 @@ import pytest
 from omnivert.cli.supervisor import Event, Happened, Supervisor
 from omnivert.config import Config
 from omnivert.errors import DataError
-from omnivert.messages import Ticks
+from omnivert.messages import Health, Ticks
 from omnivert.wire.bus import Bus, Router
-from omnivert.wire.channels import PLAYBACK, TICKS
+from omnivert.wire.channels import HEALTH, PLAYBACK, TICKS
 from omnivert.wire.recording import Recording
 from services.recorder import unused
 from services.router import is_local
@@ -74,6 +74,17 @@ def test_a_service_at_work_stops_when_told_to(
             started.stdin.close()
         assert started.wait(DEADLINE_S) == 0
         assert bus.await_presence(lambda: not bus.present(), DEADLINE_S)
+
+
+def test_the_router_tells_its_health_and_that_it_is_here(file: Path, config: Config) -> None:
+    with process("router", file) as started, Bus(config, "test", "test") as bus:
+        heard = bus.listen(HEALTH)
+        assert bus.await_presence(lambda: ("router", "front") in bus.present(), DEADLINE_S)
+        (router,) = bus.incarnations("router")
+        told = [r.message for r, _ in zip((r for r in heard if r and r.publisher == router), range(2), strict=False)]
+        assert all(isinstance(health, Health) and health.service == "router" for health in told)
+        started.terminate()
+        assert started.wait(DEADLINE_S) == 0
 
 
 def test_a_wrong_configuration_is_refused_in_one_line(folder: Path) -> None:
