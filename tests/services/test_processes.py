@@ -11,21 +11,21 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
-from omnivert.calibration.calibrator import Calibrator
 from omnivert.cli.supervisor import Event, Happened, Supervisor
 from omnivert.config import Config, load
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Health, Message, Playback, Receipt, Ticks
+from omnivert.offline import calibrated
 from omnivert.store import Store
-from omnivert.threads import one_thread
-from omnivert.timeline import Timeline
-from omnivert.vision.frontend import FrontEnd
 from omnivert.wire.bus import Bus, Received
-from omnivert.wire.channels import BEARINGS, ESTIMATE, EXTRINSICS, HEALTH, PLAYBACK, RECEIPT
+from omnivert.wire.channels import BEARINGS, ESTIMATE, EXTRINSICS, FRAME, HEALTH, PLAYBACK, RECEIPT
 from omnivert.wire.codec import encode
-from omnivert.wire.recording import Recording
+from omnivert.wire.recording import Recording, RecordingWriter
 
 DEADLINE_S = 60.0
 CORRIDOR = Path(__file__).resolve().parents[2] / "omnivert" / "data" / "corridor.mcap"
@@ -73,37 +73,26 @@ def running(file: Path, *services: str) -> Iterator[tuple[Supervisor, Ears, list
             yield supervisor, Ears(bus), events
 
 
-def played(*more: str) -> tuple[str, ...]:
-    return ("player", "--recording", str(CORRIDOR), "--speed", "full", *more)
+def played(recording: Path, *more: str) -> tuple[str, ...]:
+    return ("player", "--recording", str(recording), "--speed", "full", *more)
 
 
-def offline(config: Config, to_s: float) -> list[Message]:
-    """The same recording through the same steppers, without a process."""
-    one_thread()
-    front_end, timeline, calibrator = FrontEnd(config), Timeline((Ticks, Bearings), config.timeline), Calibrator(config)
-    out: list[Message] = []
-
-    def work(released: list[Message]) -> None:
-        for message in released:
-            if isinstance(message, Ticks | Bearings):
-                out.extend(calibrator.step(message))
-
-    for _, message in Recording(CORRIDOR).messages((Frame, Ticks), None, to_s):
-        if isinstance(message, Frame):
-            out.append(front_end.step(message))
-            work(timeline.push(out[-1], replay=True))
-        else:
-            work(timeline.push(message, replay=True))
-    work(timeline.drain())
-    out.extend(calibrator.close())
-    return out
+@pytest.fixture
+def part(file: Path, folder: Path) -> Path:
+    """The first 28 s of the corridor: enough to be calibrated."""
+    corridor, path = Recording(CORRIDOR), folder / "part.mcap"
+    with RecordingWriter(path, corridor.config(load(file))) as writer:
+        for key, message in corridor.messages((Frame, Ticks), None, 28.0):
+            writer.write(key, message)
+    return path
 
 
-def test_at_full_speed_through_the_processes_the_results_are_those_of_offline_byte_by_byte(file: Path) -> None:
-    to_s = 28.0
+def test_at_full_speed_through_the_processes_the_results_are_those_of_offline_byte_by_byte(
+    file: Path, part: Path
+) -> None:
     with running(file, *SERVICES) as (supervisor, ears, _):
-        supervisor.start(*played("--to", str(to_s), "--wait-for", "vision,calibration,storage,test"))
-        expected = offline(load(file), to_s)
+        supervisor.start(*played(part, "--wait-for", "vision,calibration,storage,test"))
+        expected = list(calibrated(Recording(part), load(file)))
         ears.until("the end", lambda r: isinstance(r.message, Playback) and r.message.finished)
         assert supervisor.wait("player", DEADLINE_S)
         wanted: dict[type[Message], list[bytes]] = {
@@ -134,27 +123,80 @@ def test_at_full_speed_through_the_processes_the_results_are_those_of_offline_by
     assert health["vision"].latency_p50_ms is not None
 
 
-def test_each_service_may_be_killed_while_it_plays_and_what_was_acknowledged_stays(file: Path) -> None:
+def test_what_a_calibration_that_has_gone_for_good_has_claimed_is_told_by_storage(file: Path, part: Path) -> None:
+    with running(file, *SERVICES) as (supervisor, ears, _):
+        supervisor.start(*played(part, "--wait-for", "vision,calibration,storage,test"))
+        assert supervisor.wait("player", DEADLINE_S)
+        pid = supervisor.pid("calibration")
+        assert pid is not None
+        os.kill(pid, signal.SIGTERM)
+        assert supervisor.wait("calibration", DEADLINE_S)
+        assert ears.bus.await_presence(lambda: not ears.bus.incarnations("calibration"), DEADLINE_S)
+
+        def claims() -> list[Extrinsics]:
+            return [r.message for r in ears.all if isinstance(r.message, Extrinsics)]
+
+        def is_stored(received: Received) -> bool:
+            """Whether storage has the last claim; its health comes after everything that went before it."""
+            stamps = {r.message.stamp_ns for r in ears.all if isinstance(r.message, Receipt)}
+            return isinstance(received.message, Health) and bool(claims()) and claims()[-1].stamp_ns in stamps
+
+        ears.until("the receipt of the last claim", is_stored)
+        with Bus(load(file), "asker", "test") as anew:
+            told = anew.ask(EXTRINSICS, DEADLINE_S)
+    assert told is not None
+    assert encode(told) == encode(claims()[-1])
+
+
+class Kills:
+    """Kills services one by one, and holds that the others live on as the same processes."""
+
+    def __init__(self, supervisor: Supervisor, ears: Ears, services: tuple[str, ...]) -> None:
+        self._supervisor, self._ears, self._services = supervisor, ears, services
+        self.done: Counter[str] = Counter()
+
+    def kill(self, service: str) -> None:
+        """Returns when another process of the service is here, and the others are here as they were."""
+        bus, pids, names = self._ears.bus, self._pids(), self._names()
+        pid = pids[service]
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+        self.done[service] += 1
+        others = [other for other in self._services if other != service]
+
+        def is_anew() -> bool:
+            now = self._names()
+            came = len(now[service]) == 1 and now[service].isdisjoint(names[service])
+            return came and all(now[other] == names[other] for other in others)
+
+        assert bus.await_presence(is_anew, DEADLINE_S), (service, names, self._names())
+        now = self._pids()
+        assert now[service] not in (None, pid)
+        assert {other: now[other] for other in others} == {other: pids[other] for other in others}
+
+    def _pids(self) -> dict[str, int | None]:
+        return {service: self._supervisor.pid(service) for service in self._services}
+
+    def _names(self) -> dict[str, frozenset[bytes]]:
+        return {service: self._ears.bus.incarnations(service) for service in self._services}
+
+
+def test_each_service_may_be_killed_while_it_plays_and_what_was_acknowledged_stays(file: Path, folder: Path) -> None:
     config = load(file)
     with running(file, *SERVICES) as (supervisor, ears, events):
         bus = ears.bus
-        supervisor.start(*played("--loop", "--wait-for", "vision,calibration,storage"))
+        supervisor.start("recorder", "--output", str(folder / "drive.mcap"))
+        supervisor.start("monitor")
+        supervisor.start(*played(CORRIDOR, "--loop", "--wait-for", "vision,calibration,storage,recorder,monitor"))
         acknowledged = ears.until("a receipt", lambda r: isinstance(r.message, Receipt)).message
+        kills = Kills(supervisor, ears, (*SERVICES, "recorder", "monitor", "player"))
 
-        def killed(service: str) -> None:
-            pid = supervisor.pid(service)
-            assert pid is not None
-            os.kill(pid, signal.SIGKILL)
-
-        def anew(kind: type[Message], *said_by: str) -> Received:
-            """The next message of this kind that another process than so far has published."""
-
-            def is_meant(r: Received) -> bool:
-                return isinstance(r.message, kind) and (not said_by or getattr(r.message, "service", "") in said_by)
-
-            before = {r.publisher for r in ears.all if is_meant(r)}
+        def anew(kind: type[Message], service: str) -> Received:
+            """The next message of this kind, from the process of the service that is here now."""
+            (publisher,) = bus.incarnations(service)
             return ears.until(
-                f"{kind.__name__} from another process", lambda r: is_meant(r) and r.publisher not in before
+                f"{kind.__name__} of the new {service}",
+                lambda r: isinstance(r.message, kind) and r.publisher == publisher,
             )
 
         def flowing() -> None:
@@ -162,44 +204,98 @@ def test_each_service_may_be_killed_while_it_plays_and_what_was_acknowledged_sta
             now = max(r.message.stamp_ns for r in ears.all if isinstance(r.message, Playback))
             ears.until("an estimate", lambda r: isinstance(r.message, Estimate) and r.message.stamp_ns > now)
 
-        killed("vision")
-        anew(Bearings)
+        kills.kill("vision")
+        anew(Bearings, "vision")
         flowing()
-        killed("storage")
+        kills.kill("storage")
         flowing()
-        anew(Health, "storage")
-        stored = bus.ask(EXTRINSICS, DEADLINE_S)
-        assert stored is not None
+        stored = bus.ask(RECEIPT, DEADLINE_S)  # which storage alone answers
+        assert isinstance(stored, Receipt)
         assert stored.stamp_ns >= acknowledged.stamp_ns
-        killed("calibration")
-        anew(Estimate)
+        kills.kill("recorder")
+        anew(Health, "recorder")
         flowing()
-        killed("router")
-        ears.until("the router", lambda r: Happened.DIED in {e.happened for e in events if e.service == "router"})
+        kills.kill("monitor")
+        anew(Health, "monitor")
         flowing()
-        killed("player")
-        run = anew(Playback).run
-        ears.until("an estimate", lambda r: isinstance(r.message, Estimate) and r.run == run)
+        kills.kill("calibration")
+        anew(Estimate, "calibration")
+        flowing()
+        kills.kill("router")
+        anew(Health, "router")
+        flowing()
+        kills.kill("player")
+        back = anew(Playback, "player")
+        ears.until("an estimate of its run", lambda r: isinstance(r.message, Estimate) and r.run == back.run)
         receipts = [r.message for r in ears.all if isinstance(r.message, Receipt)]
     died = Counter(event.service for event in events if event.happened is Happened.DIED)
-    assert died == dict.fromkeys(("vision", "storage", "calibration", "router", "player"), 1), "nobody else, once each"
+    assert died == kills.done == dict.fromkeys((*SERVICES, "recorder", "monitor", "player"), 1)
     entries = {e.entry: e.extrinsics.stamp_ns for e in Store(config.storage.path, writable=False).entries()}
     for receipt in receipts:
         assert entries[receipt.entry] == receipt.stamp_ns
+    first, second = (Recording(folder / name) for name in ("drive.mcap", "drive-2.mcap"))
+    assert first.cut
+    assert not second.cut
+    assert min(first.counts[ESTIMATE.key(config)], second.counts[ESTIMATE.key(config)]) > 0
 
 
-def test_who_comes_after_calibration_has_gone_gets_the_newest_extrinsics_from_storage(file: Path) -> None:
-    with running(file, "router", "vision", "storage") as (_, ears, _):
-        with Supervisor(file, lambda event: None) as calibrating:
-            calibrating.start("calibration")
-            calibrating.start(*played("--wait-for", "vision,calibration,storage"))
-            acknowledged = ears.until("a receipt", lambda r: isinstance(r.message, Receipt)).message
-        bus = ears.bus
-        gone = ("calibration", bus.config.camera.id)
-        assert bus.await_presence(lambda: gone not in bus.present(), DEADLINE_S)
-        with Bus(load(file), "late", "joiner") as late:
-            answer = late.ask(EXTRINSICS, DEADLINE_S)
-            assert answer is not None
-            assert answer.stamp_ns >= acknowledged.stamp_ns
-            kept = Store(bus.config.storage.path, writable=False).entries()
-            assert encode(answer) in [encode(entry.extrinsics) for entry in kept]
+# ------------------------------------------------------------------ a folder of images as the camera
+
+
+def with_folder(config: Config, folder: Path, images: Path, **more: Any) -> Path:
+    """The configuration of a robot whose camera is this folder, and whose encoder is away."""
+    given = {
+        "bus": {"endpoint": config.bus.endpoint},
+        "storage": {"path": str(config.storage.path)},
+        "encoder": {"port": str(folder / "no-such-port")},
+        **more,
+    }
+    given["camera"]["source"] = str(images)
+    path = folder / "config.json"
+    path.write_text(json.dumps(given), encoding="utf-8")
+    return path
+
+
+def test_a_bridge_that_is_killed_comes_back_and_its_frames_go_on(config: Config, folder: Path) -> None:
+    images = folder / "images"
+    images.mkdir()
+    for k in range(1000):
+        cv2.imwrite(str(images / f"{k}.png"), np.full((48, 64), k % 256, np.uint8))
+    camera = {"width_px": 64, "height_px": 48, "frame_rate_hz": 10.0}
+    ring = {"center_px": (31.5, 23.5), "r_min_px": 5.0, "r_max_px": 22.0}
+    file = with_folder(config, folder, images, camera=camera, ring=ring)
+    services = ("router", "vision", "bridge")
+    with running(file, *services) as (supervisor, ears, events):
+        first = ears.until("bearings", lambda r: isinstance(r.message, Bearings))
+        kills = Kills(supervisor, ears, services)
+        kills.kill("bridge")
+        (bridge,) = ears.bus.incarnations("bridge")
+        assert first.run != bridge
+        back = ears.until("bearings again", lambda r: isinstance(r.message, Bearings) and r.run == bridge)
+        assert back.publisher == first.publisher
+        assert back.message.stamp_ns > first.message.stamp_ns
+    died = Counter(event.service for event in events if event.happened is Happened.DIED)
+    assert died == {"bridge": 1}
+
+
+def test_photographs_go_from_their_folder_through_bridge_and_vision(
+    config: Config, folder: Path, shared_data: Path, strong_edges_deg: tuple[float, ...]
+) -> None:
+    images = shared_data / "real" / "vmr"
+    if not images.is_dir():
+        pytest.skip("needs the photographs real/vmr, which are not here")
+    camera = {"width_px": 1024, "height_px": 768, "frame_rate_hz": 0.1}  # the first one is not displaced by the next
+    ring = {"center_px": (516.7, 384.1), "r_min_px": 90.0, "r_max_px": 452.5}
+    file = with_folder(config, folder, images, camera=camera, ring=ring)
+    with running(file, "router", "vision") as (supervisor, ears, _):
+        frames = ears.bus.listen(FRAME)
+        assert ears.bus.await_presence(lambda: bool(ears.bus.incarnations("vision")), DEADLINE_S)
+        supervisor.start("bridge")
+        seen = ears.until("bearings", lambda r: isinstance(r.message, Bearings)).message
+        frame = next(received for received in frames if received is not None).message
+    assert isinstance(frame, Frame)
+    assert isinstance(seen, Bearings)
+    assert frame.data.tobytes() == (images / "VMRImage0.jpg").read_bytes()
+    assert (seen.stamp_ns, seen.reasons) == (frame.stamp_ns, ())
+    for by_eye in strong_edges_deg:
+        assert np.min(np.abs(np.rad2deg(seen.bearing_rad) - by_eye)) < 0.5

@@ -41,9 +41,11 @@ def test_the_ring_is_found_in_every_photograph(shared_data: Path, name: str) -> 
         assert seen.ring.quality > 0.55
 
 
-def test_the_strong_edges_of_windows_and_shelf_are_among_the_lines(shared_data: Path) -> None:
+def test_the_strong_edges_of_windows_and_shelf_are_among_the_lines(
+    shared_data: Path, strong_edges_deg: tuple[float, ...]
+) -> None:
     first = np.rad2deg(_seen(shared_data, "vmr")[0].bearing_rad)
-    for by_eye in (35.6, 43.7, 60.4, 92.2, 101.3):
+    for by_eye in strong_edges_deg:
         assert np.min(np.abs(first - by_eye)) < 0.5
 
 
