@@ -14,14 +14,16 @@ HOUSE = (
     ("omnivert.messages",),
     ("omnivert.config",),
     ("omnivert.timeline", "omnivert.odometry"),
-    ("omnivert.vision", "omnivert.calibration", "omnivert.drivers", "omnivert.simulation"),
+    ("omnivert.vision", "omnivert.calibration", "omnivert.drivers", "omnivert.simulation"),  # side by side
     ("omnivert.wire",),
-    ("omnivert.store", "omnivert.store_rules", "omnivert.formats", "omnivert.pictures"),
+    ("omnivert.store",),
+    ("omnivert.store_rules", "omnivert.formats", "omnivert.pictures"),
     ("omnivert.offline",),
     ("services",),
     ("omnivert.bench",),
     ("omnivert.cli",),
 )
+VISION = ("image", "edges", "ring", "lines", "descriptor", "matching", "tracker", "frontend")  # data order, too
 ONE_ROOM = {
     "zenoh": "omnivert/wire/bus.py",
     "msgpack": "omnivert/wire/codec.py",
@@ -43,12 +45,13 @@ def imported(path: Path) -> set[str]:
     return names
 
 
-def floor(module: str) -> int:
-    """The deepest room that a dotted name lies in."""
-    best = max(
-        (len(room), level) for level, rooms in enumerate(HOUSE) for room in rooms if f"{module}.".startswith(f"{room}.")
+def place(module: str) -> tuple[int, str]:
+    """The floor and the room that a dotted name lies in; the innermost one."""
+    level, room = max(
+        ((level, room) for level, rooms in enumerate(HOUSE) for room in rooms if f"{module}.".startswith(f"{room}.")),
+        key=lambda found: len(found[1]),
     )
-    return best[1]
+    return level, room
 
 
 def module_name(path: Path) -> str:
@@ -57,9 +60,17 @@ def module_name(path: Path) -> str:
 
 @pytest.mark.parametrize("path", SOURCES, ids=module_name)
 def test_imports_point_only_up_the_house(path: Path) -> None:
-    here = floor(module_name(path))
+    level, room = place(module_name(path))
     ours = {name for name in imported(path) if name.split(".")[0] in ("omnivert", "services")}
-    assert {name for name in ours if floor(name) > here} == set()
+    assert {name for name in ours if place(name)[0] >= level and place(name)[1] != room} == set()
+
+
+def test_inside_vision_imports_point_only_up_its_data_flow() -> None:
+    folder = PROJECT / "omnivert" / "vision"
+    assert {path.stem for path in folder.glob("*.py")} == {*VISION, "__init__"}
+    for here, name in enumerate(VISION):
+        used = {dotted.split(".")[2] for dotted in imported(folder / f"{name}.py") if dotted.count(".") > 1}
+        assert used & set(VISION) <= set(VISION[:here]), name
 
 
 @pytest.mark.parametrize(("package", "room"), ONE_ROOM.items())
@@ -70,7 +81,7 @@ def test_a_foreign_package_lives_in_one_room(package: str, room: str) -> None:
 
 def test_every_module_stands_in_the_house() -> None:
     for path in SOURCES:
-        assert floor(module_name(path)) > 0 or module_name(path) in HOUSE[0], path
+        assert place(module_name(path))[0] > 0 or module_name(path) in HOUSE[0], path
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=module_name)
