@@ -1,6 +1,7 @@
 """Command lines run in this process, and small recordings to run them on."""
 
 import json
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +48,30 @@ def omnivert(capsys: pytest.CaptureFixture[str]) -> Omnivert:
         return Ran(code, *capsys.readouterr())
 
     return called
+
+
+class Marked:
+    """Processes that can be found again by a mark in their environment."""
+
+    def __init__(self, mark: Path) -> None:
+        self._mark = f"OMNIVERT_TEST_MARK={mark}"
+        self.environment = {**os.environ, "OMNIVERT_TEST_MARK": str(mark), "PYTHONUNBUFFERED": "1"}
+
+    def processes(self) -> list[Path]:
+        """Those that run."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                marked = f"{self._mark}\0".encode() in (process / "environ").read_bytes()
+            except OSError:
+                continue
+            found += [process] if marked else []
+        return found
+
+
+@pytest.fixture
+def marked(tmp_path: Path) -> Marked:
+    return Marked(tmp_path)
 
 
 TRUTH = ("truth/lines.csv", "truth/nonstatic_lines.csv", "truth/centers.csv")

@@ -1,11 +1,11 @@
 """The demo end to end: real processes on a real bus, from nothing to a stored mount with its picture."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,28 +18,11 @@ from omnivert.store import Store
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
 
 
-def environment(mark: Path) -> dict[str, str]:
-    """The environment of a demo, by which its processes can be found again."""
-    return {**os.environ, "OMNIVERT_TEST_MARK": str(mark), "PYTHONUNBUFFERED": "1"}
-
-
-def processes_of(mark: Path) -> list[Path]:
-    """Running processes with this mark in their environment."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            marked = f"OMNIVERT_TEST_MARK={mark}\0".encode() in (process / "environ").read_bytes()
-        except OSError:
-            continue
-        found += [process] if marked else []
-    return found
-
-
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for left-over processes in /proc")
-def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Path) -> None:
+def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Path, marked: Any, omnivert: Any) -> None:
     output = tmp_path / "out"
     command = [*OMNIVERT, "demo", "--output", str(output), "--json"]
-    ran = subprocess.run(command, env=environment(tmp_path), capture_output=True, text=True, timeout=110, check=False)
+    ran = subprocess.run(command, env=marked.environment, capture_output=True, text=True, timeout=110, check=False)
     assert ran.returncode == 0, ran.stderr
     body = json.loads(ran.stdout)
     assert body["verdict"] == "calibrated"
@@ -55,18 +38,22 @@ def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Pa
     assert latest is not None
     assert latest.entry == body["entry"]
     assert body["frames"] == 158  # the last one's: what is stored is the last row of the table
-    assert latest.extrinsics.mount.rho_m == body["rho_m"]
+    mount = latest.extrinsics.mount
+    offline = omnivert("calibrate", "corridor", "--json").json
+    for told in (body, offline):  # every bit of it: the services and the file give the same
+        assert (mount.phi_rad, mount.rho_m, mount.psi_rad) == (told["phi_rad"], told["rho_m"], told["psi_rad"])
+        assert mount.covariance.tolist() == told["covariance"]
     for state in ("not yet", "calibrated"):
         assert state in ran.stderr
-    assert processes_of(tmp_path) == []
+    assert marked.processes() == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path, number: int) -> None:
+def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path, marked: Any, number: int) -> None:
     command = [*OMNIVERT, "demo", "--output", str(tmp_path / "out")]
     with subprocess.Popen(
         command,
-        env=environment(tmp_path),
+        env=marked.environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -80,7 +67,7 @@ def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path, number: int
         rest = demo.stderr.read()
         assert demo.wait(30) == 128 + number
     assert "Traceback" not in rest
-    assert processes_of(tmp_path) == []
+    assert marked.processes() == []
 
 
 PART = ParameterVerdict(State.CALIBRATED)

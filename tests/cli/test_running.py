@@ -213,26 +213,57 @@ def test_up_tells_a_store_that_cannot_be_written_and_that_nothing_was_stored(str
     assert told[-1].startswith(f"stopped; nothing was stored: {because}; nothing waited"), told[-1]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path, number: int) -> None:
-    frames = tmp_path / "frames"
+def robot_with_a_folder(folder: Path) -> Path:
+    """The configuration of a robot whose camera is a folder of one image, and whose encoder is away."""
+    frames = folder / "frames"
     frames.mkdir()
     cv2.imwrite(str(frames / "0.png"), np.full((480, 640), 90, np.uint8))
-    (tmp_path / "robot.toml").write_text(
+    file = folder / "robot.toml"
+    file.write_text(
         f'''
         [robot]
         id = "r2"
         [camera]
         source = "{frames}"
         [encoder]
-        port = "{tmp_path}/no-such-port"
+        port = "{folder}/no-such-port"
         [bus]
-        endpoint = "unixsock-stream/{tmp_path}/bus.sock"
+        endpoint = "unixsock-stream/{folder}/bus.sock"
         [storage]
-        path = "{tmp_path}/extrinsics.db"
+        path = "{folder}/extrinsics.db"
         '''
     )
-    command = [*OMNIVERT, "up", "--config", str(tmp_path / "robot.toml"), "--record", str(tmp_path / "drive.mcap")]
+    return file
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for left-over processes in /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_stops_all_that_up_has_started_and_nobody_by_force(
+    tmp_path: Path, marked: Any, number: signal.Signals
+) -> None:
+    file = robot_with_a_folder(tmp_path)
+    command = [*OMNIVERT, "up", "--config", str(file), "--record", str(tmp_path / "drive.mcap")]
+    wanted = {*up.SERVICES, "recorder"}
+    with subprocess.Popen(
+        command, env=marked.environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as started:
+        with Bus(load(file), "test", "test") as bus:
+            assert bus.await_presence(lambda: wanted <= {service for service, _ in bus.present()}, 60.0)
+        assert len(marked.processes()) == 1 + len(wanted)
+        started.send_signal(number)
+        _, told = started.communicate(timeout=30)
+    assert started.returncode == 0, told
+    assert marked.processes() == []
+    assert "killed" not in told
+    assert "by force" not in told
+    assert "died" not in told
+    assert "stopped; " in told
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path, number: int) -> None:
+    file = robot_with_a_folder(tmp_path)
+    command = [*OMNIVERT, "up", "--config", str(file), "--record", str(tmp_path / "drive.mcap")]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as up:
         assert up.stderr is not None
