@@ -72,8 +72,12 @@ def main() -> None:
     code = INTERRUPTED
     came: list[int] = []
     # A KeyboardInterrupt that comes as far as here came between two lines of ours.
-    with suppress(KeyboardInterrupt), interruptible(came):
-        code = run(sys.argv[1:])
+    try:
+        with suppress(KeyboardInterrupt), interruptible(came):
+            code = run(sys.argv[1:])
+    except Exception:
+        if not came:  # else a library has made another error of the interruption: pydantic does
+            raise
     sys.exit(TERMINATED if code == INTERRUPTED and signal.SIGTERM in came else code)
 
 

@@ -89,6 +89,17 @@ def test_a_command_puts_in_order_what_it_began_when_it_is_told_to_end() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_that_a_library_makes_another_error_of_is_one_all_the_same(number: int) -> None:
+    ends = "import os, signal, sys\nfrom omnivert.cli import app, explain\n"
+    ends += f"def told(*rest, **more):\n    try:\n        os.kill(os.getpid(), {int(number)})\n        signal.pause()\n"
+    ends += "    except KeyboardInterrupt as error:\n        raise ValueError('from a callback') from error\n"
+    ends += "app.app = told\nfrom omnivert.cli import main\nmain()"
+    command = [sys.executable, "-c", ends, "explain"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (128 + number, "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_waits_for_what_must_not_be_cut_short(number: int) -> None:
     steps: list[str] = []
     came: list[int] = []
