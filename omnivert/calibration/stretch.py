@@ -124,13 +124,9 @@ class Stretch:
                 self._rename(name, posed.problem.frame[own[run[0]]], posed.problem.frame[own[run[1] - 1]])
 
     def drop_first(self, count: int) -> None:
-        """Forget keyframes; the next one becomes the first. Poses stay relative to it."""
+        """Forget keyframes that were solved, not all; the next one becomes the first. Poses stay relative to it."""
         del self.keyframes[:count]
         known = self._pose[count:]
-        if known.shape[0] == 0:
-            self._pose = np.zeros((0, 3))
-            self._line = {}
-            return
         x, y, turn = known[0]
         c, s = np.cos(turn), np.sin(turn)
         back = np.array([[c, s], [-s, c]])
