@@ -21,13 +21,14 @@ _log = logging.getLogger("omnivert.storage")
 def run(bus: Bus, config: Config) -> None:
     """Stores until the bus stops; while the file cannot be written, extrinsics wait and are tried again."""
     desk = Desk(bus, config)
+    desk.store()
+    bus.answer(EXTRINSICS, desk.latest)
+    bus.answer(RECEIPT, desk.receipt)
     missed = bus.ask(EXTRINSICS)  # what calibration has claimed while nobody stored
     if isinstance(missed, Extrinsics):
         bus.await_presence(lambda: bool(bus.incarnations("calibration")), KNOWN_S)
         desk.take(missed, None)
     desk.store()
-    bus.answer(EXTRINSICS, desk.latest)
-    bus.answer(RECEIPT, desk.receipt)
     for received in bus.listen(EXTRINSICS, period_s=RETRY_S):
         if received is not None and isinstance(received.message, Extrinsics):
             desk.take(received.message, received)
