@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """The form of an array field. A letter is a length that all fields of the message share."""
+    """The form of an array field. A letter is a length that all fields of the message and of its parts share."""
 
     dtype: str
     shape: tuple[int | str, ...]
@@ -95,6 +95,28 @@ class Ring:
     center_v_px: Annotated[float, Within(-1e5, 1e5)]
     radius_px: Annotated[float, Within(0.0, 1e5)]
     quality: Annotated[float, Within(0.0, 1.0)]  # share of the rim that was seen
+    std_px: Annotated[float, Within(0.0, 1e5)] = 0.0  # of the centre, each axis; 0: not told
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeetingPoint:
+    """Where the vertical lines meet in the picture; on the ring's centre when the mirror's axis is vertical."""
+
+    u_px: Annotated[float, Within(-1e5, 1e5)]
+    v_px: Annotated[float, Within(-1e5, 1e5)]
+    std_px: Annotated[float, Within(0.0, 1e5)]  # each axis
+    used: bool  # bearings are taken about this point, not about the ring's centre
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Looks:
+    """How each line looks in the picture, and what its track is worth."""
+
+    polarity: Annotated[NDArray[np.int32], Array("int32", ("N",), -1, 1)]  # +1: brighter towards growing image angle
+    inner_px: Annotated[NDArray[np.float32], Array("float32", ("N",), 0.0, 1e5)]  # nearest edge point to the centre
+    outer_px: Annotated[NDArray[np.float32], Array("float32", ("N",), 0.0, 1e5)]  # farthest
+    quality: Annotated[NDArray[np.float32], Array("float32", ("N",), 0.0, 1.0)]  # how sure the track's identity is
+    moving: Annotated[NDArray[np.uint8], Array("uint8", ("N",), 0, 1)]  # 1: moves against the static world
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +131,8 @@ class Bearings:
     strength: Annotated[NDArray[np.float32], Array("float32", ("N",), 0.0, 1.0)]  # share of Rmax - Rmin with an edge
     ring: Ring | None = None  # None: no camera (any bearing sensor), or no frame that could be read
     reasons: Annotated[tuple[Text, ...], Within(0, 16)] = ()  # empty when the frame was good
+    meeting: MeetingPoint | None = None  # None: not known (yet), or no camera
+    looks: Looks | None = None  # None: no camera
 
 
 @dataclass(frozen=True, slots=True, eq=False)

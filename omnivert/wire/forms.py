@@ -27,7 +27,7 @@ class WireError(ValueError):
         self.reason = reason
 
 
-Lengths = dict[str, int]  # letter of a shape -> the length that all fields of a message share
+Lengths = dict[str, int]  # letter of a shape -> the length that all fields of a message and of its parts share
 
 
 class Kind(Protocol):
@@ -204,7 +204,7 @@ class Form:
     def packed(self, value: Any, place: str = "", lengths: Lengths | None = None) -> dict[str, Any]:
         if type(value) is not self.type:
             raise WireError(f"{place} is not a {self.name}")
-        own: Lengths = {}
+        own: Lengths = {} if lengths is None else lengths
         body = {
             name: kind.packed(getattr(value, name), f"{self.name}.{name}", own) for name, kind in self._kinds.items()
         }
@@ -217,7 +217,7 @@ class Form:
         for name in self._needed:
             if name not in value:
                 raise WireError(f"{self.name}.{name} is missing")
-        own: Lengths = {}
+        own: Lengths = {} if lengths is None else lengths
         message = self.type(
             **{
                 name: kind.unpacked(value[name], f"{self.name}.{name}", own)

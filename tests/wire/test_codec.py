@@ -21,6 +21,7 @@ from omnivert.messages import (
     Extrinsics,
     Frame,
     Health,
+    Looks,
     Message,
     Mount,
     PixelFormat,
@@ -47,7 +48,7 @@ def values(hint: Any, lengths: dict[str, int]) -> st.SearchStrategy[Any]:
     if isinstance(hint, type) and issubclass(hint, StrEnum):
         return st.sampled_from(hint)
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        return messages(hint)
+        return messages(hint, lengths)
     inner, note = parts
     if isinstance(note, Array):
         shape = tuple(n if isinstance(n, int) else lengths[n] for n in note.shape)
@@ -73,14 +74,16 @@ def arrays(form: Array, shape: tuple[int, ...]) -> st.SearchStrategy[Any]:
         elements: st.SearchStrategy[Any] = st.floats(low, high, width=width, allow_nan=False)  # type: ignore[arg-type]
     else:
         span = np.iinfo(form.dtype)
-        elements = st.integers(int(span.min if form.low is None else form.low), int(span.max))
+        elements = st.integers(
+            int(span.min if form.low is None else form.low), int(span.max if form.high is None else form.high)
+        )
     return hnp.arrays(form.dtype, shape, elements=elements)
 
 
 @st.composite
-def messages(draw: st.DrawFn, kind: type[Any]) -> Any:
+def messages(draw: st.DrawFn, kind: type[Any], given: dict[str, int] | None = None) -> Any:
     hints = typing.get_type_hints(kind, include_extras=True)
-    lengths = {"N": draw(st.integers(0, 6)), "B": draw(st.integers(0, 40))}
+    lengths = given or {"N": draw(st.integers(0, 6)), "B": draw(st.integers(0, 40))}
     drawn = {field.name: draw(values(hints[field.name], lengths)) for field in dataclasses.fields(kind)}
     if kind is Frame:
         drawn["width_px"], drawn["height_px"] = draw(st.integers(1, 8)), draw(st.integers(1, 8))
@@ -199,6 +202,11 @@ def bearings(**changed: Any) -> Bearings:
     return Bearings(**{**fields, **changed})
 
 
+def looks(count: int) -> Looks:
+    of_image = np.zeros(count, np.float32)
+    return Looks(np.ones(count, np.int32), of_image, of_image, of_image, np.zeros(count, np.uint8))
+
+
 def frame(data: Any, width_px: int = 4, height_px: int = 3) -> Frame:
     return Frame(0, PixelFormat.GREY8, width_px, height_px, data)
 
@@ -217,6 +225,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "low": (lambda: bearings(std_rad=np.zeros(3)), "out of range"),
     "high": (lambda: bearings(bearing_rad=np.array([0.0, 3.2, 0.0])), "out of range"),
     "twice the same track": (lambda: bearings(track_id=np.array([1, 2, 1])), "not unique"),
+    "a part of another length": (lambda: bearings(looks=looks(2)), "Looks.polarity has a wrong shape"),
     "negative stamp": (lambda: bearings(stamp_ns=-1), "out of range"),
     "stamp that is true": (lambda: bearings(stamp_ns=True), "not a whole number"),
     "stamp that is a fraction": (lambda: bearings(stamp_ns=0.5), "not a whole number"),
