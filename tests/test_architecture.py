@@ -10,7 +10,7 @@ SOURCES = sorted(path for top in ("omnivert", "services") for path in (PROJECT /
 
 # Reading order is data order. A room may import itself and what stands above it.
 HOUSE = (
-    ("omnivert", "omnivert.angles", "omnivert.errors", "omnivert.threads"),
+    ("omnivert", "omnivert.angles", "omnivert.errors", "omnivert.threads", "omnivert.compiled"),
     ("omnivert.messages",),
     ("omnivert.config",),
     ("omnivert.timeline", "omnivert.odometry"),
@@ -23,13 +23,25 @@ HOUSE = (
     ("omnivert.bench",),
     ("omnivert.cli",),
 )
-VISION = ("image", "edges", "ring", "lines", "descriptor", "matching", "tracker", "frontend")  # data order, too
+VISION = (
+    "image",
+    "edges",
+    "rim",
+    "ring",
+    "lines",
+    "meeting",
+    "descriptor",
+    "matching",
+    "tracker",
+    "frontend",
+)  # data order, too
 ONE_ROOM = {
     "zenoh": "omnivert/wire/bus.py",
     "msgpack": "omnivert/wire/codec.py",
     "mcap": "omnivert/wire/mcap_file.py",
     "filterpy": "omnivert/calibration/ekf.py",
     "sqlite3": "omnivert/store.py",
+    "numba": "omnivert/compiled.py",
     "serial": "omnivert/drivers/serial_line.py",
 }
 

@@ -120,11 +120,21 @@ class MirrorRing(Section):
     r_min_px: float = Field(63.0, gt=4.0, le=1e4)
     r_max_px: float = Field(225.0, gt=8.0, le=1e4)
     """Radius of the rim, known from one still image (II, step 1)."""
+    horizon_px: float | None = Field(None, gt=4.0, le=1e4)
+    """Radius at which level rays appear, from the mirror's drawing; without it the middle of the ring is taken.
+    Bearings of a camera whose axis is not vertical are read off there."""
+
+    @property
+    def horizon(self) -> float:
+        """Radius at which bearings are read off, px."""
+        return 0.5 * (self.r_min_px + self.r_max_px) if self.horizon_px is None else self.horizon_px
 
     @model_validator(mode="after")
     def _ring_is_open(self) -> Self:
         if self.r_max_px < self.r_min_px + 16.0:
             raise ValueError("r_max_px must exceed r_min_px by at least 16 pixels")
+        if self.horizon_px is not None and not self.r_min_px < self.horizon_px < self.r_max_px:
+            raise ValueError("horizon_px lies between r_min_px and r_max_px")
         return self
 
 
@@ -326,6 +336,6 @@ _RIG: dict[str, set[str]] = {
     "robot": {"id", "wheel_base_m"},
     "encoder": {"id", "wheel_diameter_m", "ticks_per_rev", "left_sign", "right_sign", "noise_k_m"},
     "camera": {"id", "width_px", "height_px", "bearing_sign", "frame_rate_hz"},
-    "ring": {"center_px", "r_min_px", "r_max_px"},
+    "ring": {"center_px", "r_min_px", "r_max_px", "horizon_px"},
 }
 _FREE = {"noise_k_m", "frame_rate_hz", "center_px"}  # may change without moving the camera

@@ -2,24 +2,24 @@
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from omnivert.compiled import compiled
 from omnivert.vision.image import Grey
 
 Array = NDArray[np.float32]
 
-_STRIP_ROWS = 64  # worked on at a time: all of a strip stays in the cache, and no large array is made per frame
+_LEAST_MAGNITUDE = 1.0  # grey steps x 8; a flat picture has no edges, whatever the configuration says
 
 
-class Box(NamedTuple):
-    """A rectangle of pixels: columns left .. right - 1, rows top .. bottom - 1."""
+class Band(NamedTuple):
+    """The pixels between two distances from a point."""
 
-    left: int
-    top: int
-    right: int
-    bottom: int
+    u_px: float
+    v_px: float
+    inner_px: float
+    outer_px: float
 
 
 class Edges(NamedTuple):
@@ -31,53 +31,153 @@ class Edges(NamedTuple):
     gradient_v: Array
 
 
-def box_around(center_u: float, center_v: float, reach_px: float, width: int, height: int) -> Box:
-    """The part of the picture within reach of a point; right <= left or bottom <= top where there is none."""
-    left, right = int(np.floor(center_u - reach_px)), int(np.ceil(center_u + reach_px)) + 1
-    top, bottom = int(np.floor(center_v - reach_px)), int(np.ceil(center_v + reach_px)) + 1
-    return Box(max(left, 0), max(top, 0), min(right, width), min(bottom, height))
+def no_edges() -> Edges:
+    none = np.empty(0, dtype=np.float32)
+    return Edges(none, none, none, none)
 
 
-def thinned_edges(grey: Grey, box: Box, min_magnitude: float) -> Edges:
-    """Points where the gradient's magnitude (eq. 1) has a ridge across the edge.
-
-    grey           (H, W)  uint8
-    min_magnitude  grey steps x 8; weaker pixels are no edge
-    """
-    strips = [
-        _strip_edges(
-            grey[top : min(top + _STRIP_ROWS + 4, box.bottom), box.left : box.right], box.left, top, min_magnitude
-        )
-        for top in range(box.top, box.bottom - 4, _STRIP_ROWS)
-        if box.right - box.left > 4
-    ]
-    if not strips:
-        none = np.empty(0, dtype=np.float32)
-        return Edges(none, none, none, none)
-    return Edges(*(np.concatenate(column) for column in zip(*strips, strict=True)))
+def everywhere(grey: Grey) -> Band:
+    """The band that holds the whole picture."""
+    height, width = grey.shape
+    return Band(0.0, 0.0, 0.0, float(np.hypot(width, height)))
 
 
-def _strip_edges(strip: Grey, left: int, top: int, min_magnitude: float) -> Edges:
-    """The edge points of a strip, its two outermost rows and columns left out."""
-    sobel_u, sobel_v = cv2.spatialGradient(np.ascontiguousarray(strip))
-    gu, gv = sobel_u.astype(np.float32), sobel_v.astype(np.float32)
-    magnitude = np.sqrt(gu * gu + gv * gv)  # cv2.magnitude's last bit depends on where in memory its arguments lie
+class EdgeFinder:
+    """Edge points of frame after frame in one room of memory, which is made when the first picture comes."""
+
+    def __init__(self, min_magnitude: float) -> None:
+        """min_magnitude  grey steps x 8; weaker pixels are no edge"""
+        self._least = max(min_magnitude, _LEAST_MAGNITUDE)
+        self._room = np.empty((4, 0), dtype=np.float32)
+        self._rows = np.empty((3, 3, 0), dtype=np.float32)
+        self._mask = np.empty(0, dtype=np.bool_)
+
+    def step(self, grey: Grey, band: Band) -> Edges:
+        """Points of the band where the gradient's magnitude (eq. 1) has a ridge across the edge.
+
+        grey  (H, W)  uint8
+
+        The points are views that the next step overwrites. The picture's two outermost rows and columns have none.
+        """
+        height, width = grey.shape
+        if height < 5 or width < 5:
+            return no_edges()
+        if self._rows.shape[2] < width:
+            self._rows = np.empty((3, 3, width), dtype=np.float32)
+            self._mask = np.empty(width, dtype=np.bool_)
+        if self._room.shape[1] < grey.size // 2:  # of two neighbours across an edge one at most is on the ridge
+            self._room = np.empty((4, grey.size // 2 + height), dtype=np.float32)
+        count = _ridges(np.ascontiguousarray(grey), *band, self._least, self._rows, self._mask, self._room)
+        return Edges(*self._room[:, :count])
+
+
+def thinned_edges(grey: Grey, band: Band, min_magnitude: float) -> Edges:
+    """The edge points of one picture, for whoever has no next one."""
+    return EdgeFinder(min_magnitude).step(grey, band)
+
+
+@compiled
+def _ridges(
+    grey: Grey,
+    center_u: float,
+    center_v: float,
+    inner: float,
+    outer: float,
+    least: float,
+    rows: Array,
+    mask: NDArray[np.bool_],
+    room: Array,
+) -> int:
+    """Writes u, v and both gradients of every ridge point into `room`, and tells how many there are.
+
     # Paper: silent on how edges are thinned. Here: along the picture axis nearer to the gradient, because an edge then
     # keeps exactly one point in each row (or column) that it crosses, and its place comes below the pixel for free.
-    inner = magnitude[2:-2, 2:-2]
-    across = np.abs(sobel_u[2:-2, 2:-2]) >= np.abs(sobel_v[2:-2, 2:-2])
-    ridge_u = (inner >= magnitude[2:-2, 1:-3]) & (inner > magnitude[2:-2, 3:-1])
-    ridge_v = (inner >= magnitude[1:-3, 2:-2]) & (inner > magnitude[3:-1, 2:-2])
-    ridge = ((ridge_u & across) | (ridge_v & ~across)) & (inner > max(min_magnitude, 1e-3))
-    v, u = np.divmod(np.flatnonzero(ridge), inner.shape[1])
-    v, u = v + 2, u + 2
-    columns = strip.shape[1]
-    at = v * columns + u
-    m, a_u, a_v = magnitude.ravel(), gu.ravel()[at], gv.ravel()[at]
-    across_here = np.abs(a_u) >= np.abs(a_v)
-    step = np.where(across_here, 1, columns)
-    here, before, after = m[at], m[at - step], m[at + step]
-    offset = 0.5 * (before - after) / np.minimum(before - 2.0 * here + after, np.float32(-1e-6))
-    place_u = (u + left).astype(np.float32) + np.where(across_here, offset, np.float32(0.0))
-    place_v = (v + top).astype(np.float32) + np.where(across_here, np.float32(0.0), offset)
-    return Edges(place_u, place_v, a_u, a_v)
+    """
+    height, width = grey.shape
+    count = 0
+    least_square = np.float32(least * least)
+    top, bottom = max(int(np.ceil(center_v - outer)), 2), min(int(np.floor(center_v + outer)), height - 3)
+    ready = top - 2  # the last row whose gradients stand in `rows`
+    for v in range(top, bottom + 1):
+        while ready < v + 1:
+            ready += 1
+            reach = np.sqrt(max(outer * outer - max(abs(ready - center_v) - 1.0, 0.0) ** 2, 0.0)) + 2.0
+            left, right = max(int(center_u - reach), 1), min(int(center_u + reach) + 1, width - 2)
+            if left <= right:
+                _sobel_row(grey, ready, left, right, rows[ready % 3])
+        away = (v - center_v) ** 2
+        reach = np.sqrt(max(outer * outer - away, 0.0))
+        left, right = max(int(np.ceil(center_u - reach)), 2), min(int(np.floor(center_u + reach)), width - 3)
+        hole = np.sqrt(inner * inner - away) if inner * inner > away else -1.0
+        hole_left = int(np.ceil(center_u - hole)) if hole >= 0.0 else right + 1
+        hole_right = int(np.floor(center_u + hole)) if hole >= 0.0 else right
+        before, here, after = rows[(v - 1) % 3], rows[v % 3], rows[(v + 1) % 3]
+        for part in range(2):
+            first, last = (left, min(hole_left - 1, right)) if part == 0 else (max(hole_right + 1, left), right)
+            if first > last:
+                continue
+            ridge = mask[: last - first + 1]
+            _ridge_row(
+                here[0, first:],
+                here[1, first:],
+                here[2, first - 1 :],
+                before[2, first:],
+                after[2, first:],
+                least_square,
+                ridge,
+            )
+            for k in range(ridge.size):
+                if not ridge[k]:
+                    continue
+                u = first + k
+                gradient_u, gradient_v = here[0, u], here[1, u]
+                along_u = abs(gradient_u) >= abs(gradient_v)
+                low, high = (here[2, u - 1], here[2, u + 1]) if along_u else (before[2, u], after[2, u])
+                a, m, b = np.sqrt(low), np.sqrt(here[2, u]), np.sqrt(high)
+                offset = np.float32(0.5) * (a - b) / min(a - m - m + b, np.float32(-1e-6))
+                room[0, count] = u + offset if along_u else u
+                room[1, count] = v if along_u else v + offset
+                room[2, count] = gradient_u
+                room[3, count] = gradient_v
+                count += 1
+    return count
+
+
+@compiled
+def _ridge_row(
+    gradient_u: Array,
+    gradient_v: Array,
+    squares: Array,
+    above: Array,
+    below: Array,
+    least: np.float32,
+    ridge: NDArray[np.bool_],
+) -> None:
+    """Marks the pixels of a row that exceed both neighbours across the edge; `squares` begins one pixel earlier."""
+    left, here, right = squares, squares[1:], squares[2:]
+    for k in range(ridge.size):
+        square = here[k]
+        across_u = (square >= left[k]) & (square > right[k])
+        across_v = (square >= above[k]) & (square > below[k])
+        u, v = abs(gradient_u[k]), abs(gradient_v[k])
+        ridge[k] = (square > least) & (((u >= v) & across_u) | ((u < v) & across_v))
+
+
+@compiled
+def _sobel_row(grey: Grey, v: int, left: int, right: int, row: Array) -> None:
+    """Sobel along u and v, and their squares' sum, of the pixels left .. right of a row."""
+    count = right - left + 1
+    # Slices that all begin at 0: an index that cannot be negative is what lets the compiler work on many at a time.
+    a, b, c = grey[v - 1, left - 1 :], grey[v - 1, left:], grey[v - 1, left + 1 :]
+    d, f = grey[v, left - 1 :], grey[v, left + 1 :]
+    g, h, i = grey[v + 1, left - 1 :], grey[v + 1, left:], grey[v + 1, left + 1 :]
+    out_u, out_v, out_square = row[0, left:], row[1, left:], row[2, left:]
+    for k in range(count):  # exact: every number here is an integer that a float32 holds
+        falling = np.float32(i[k]) - np.float32(a[k])  # the two diagonals are shared by both gradients
+        rising = np.float32(c[k]) - np.float32(g[k])
+        across, down = np.float32(f[k]) - np.float32(d[k]), np.float32(h[k]) - np.float32(b[k])
+        gradient_u = falling + rising + across + across
+        gradient_v = falling - rising + down + down
+        out_u[k] = gradient_u
+        out_v[k] = gradient_v
+        out_square[k] = gradient_u * gradient_u + gradient_v * gradient_v

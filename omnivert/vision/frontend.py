@@ -3,17 +3,21 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 
 from omnivert.angles import wrap
-from omnivert.config import Config
-from omnivert.messages import Bearings, Frame, Ring
+from omnivert.config import Config, MirrorRing
+from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
 from omnivert.vision.descriptor import Float32, descriptors
-from omnivert.vision.edges import Box, Edges, box_around, thinned_edges
+from omnivert.vision.edges import Band, EdgeFinder, Edges, everywhere
 from omnivert.vision.image import Grey, grey_from_frame
 from omnivert.vision.lines import Lines, lines_from_edges, no_lines
+from omnivert.vision.meeting import MeetingFinder
 from omnivert.vision.ring import RingFinder, RingFound
 from omnivert.vision.tracker import Tracked, Tracker
+
+_WORK_RADIUS_PX = 256.0  # pictures with a larger rim are shrunk to it: their pixels say nothing new about edges
 
 
 @dataclass(slots=True)
@@ -40,8 +44,15 @@ class FrontEnd:
     """A frame in, its tracked lines out; a bad frame gives bearings without lines and the reasons why."""
 
     def __init__(self, config: Config) -> None:
-        self._camera, self._ring, self._vision = config.camera, config.ring, config.vision
-        self._finder = RingFinder(config.ring, config.vision)
+        self._camera, self._vision = config.camera, config.vision
+        self._paper = config.vision.mode == "paper"
+        # Paper: works on the picture as it is. Here: on one whose rim has a radius of 256 pixels at most, because
+        # a lens spreads its edges over more pixels of a finer sensor, and time would grow with them.
+        self._scale = 1.0 if self._paper else min(_WORK_RADIUS_PX / config.ring.r_max_px, 1.0)
+        self._ring = _scaled(config.ring, self._scale)
+        self._edges = EdgeFinder(config.vision.edge_min_magnitude)
+        self._finder = RingFinder(self._ring, config.vision)
+        self._meeting = MeetingFinder(self._ring)
         self._tracker = Tracker(config.vision)
         self.stages = (
             Stage("decode", self._decode),
@@ -61,7 +72,7 @@ class FrontEnd:
 
     def bearings(self, work: Work) -> Bearings:
         """The message of a frame that has been through all stages."""
-        lines, tracked, found = work.lines, work.tracked, work.found
+        lines, tracked = work.lines, work.tracked
         assert tracked is not None, "not been through all stages"
         i = tracked.line
         return Bearings(
@@ -71,9 +82,31 @@ class FrontEnd:
             std_rad=np.clip(lines.std_rad[i], 1e-6, np.pi),
             age_frames=tracked.age_frames.astype(np.int32),
             strength=lines.strength[i].astype(np.float32),
-            ring=None if found is None else Ring(*found.circle[:4]),
+            ring=self._told_ring(work.found),
             reasons=tuple(work.reasons),
+            meeting=self._told_meeting(work.found),
+            looks=Looks(
+                polarity=lines.polarity[i].astype(np.int32),
+                inner_px=(lines.inner_px[i] / self._scale).astype(np.float32),
+                outer_px=(lines.outer_px[i] / self._scale).astype(np.float32),
+                quality=tracked.quality.astype(np.float32),
+                moving=tracked.moving.astype(np.uint8),
+            ),
         )
+
+    def _told_ring(self, found: RingFound | None) -> Ring | None:
+        if found is None:
+            return None
+        circle, scale = found.circle, self._scale
+        u, v = _place(circle.u_px, scale), _place(circle.v_px, scale)
+        return Ring(u, v, circle.radius_px / scale, circle.quality, circle.std_px / scale)
+
+    def _told_meeting(self, found: RingFound | None) -> MeetingPoint | None:
+        known = self._meeting.known
+        if found is None or known is None or self._paper:
+            return None
+        u, v = _place(found.circle.u_px + known.u_px, self._scale), _place(found.circle.v_px + known.v_px, self._scale)
+        return MeetingPoint(u, v, known.std_px / self._scale, known.used)
 
     def _decode(self, work: Work) -> None:
         camera, frame = self._camera, work.frame
@@ -83,28 +116,29 @@ class FrontEnd:
             )
             return
         try:
-            work.grey = grey_from_frame(frame)
+            grey = grey_from_frame(frame)
         except ValueError as error:
             work.reasons.append(str(error))
+            return
+        if self._scale < 1.0:
+            size = (round(camera.width_px * self._scale), round(camera.height_px * self._scale))
+            grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        work.grey = grey
 
     def _find_edges(self, work: Work) -> None:
-        if work.grey is None:
-            return
-        height, width = work.grey.shape
-        reach = self._ring.r_max_px + 1.5 * self._vision.ring_search_px
-        box = box_around(*self._finder.expected, reach, width, height)
-        work.edges = thinned_edges(work.grey, box, self._vision.edge_min_magnitude)
+        if work.grey is not None:
+            work.edges = self._edges.step(work.grey, self._finder.band)
 
     def _find_ring(self, work: Work) -> None:
         grey, edges = work.grey, work.edges
         if grey is None or edges is None:
             return
 
-        def everywhere() -> Edges:
-            work.edges = thinned_edges(grey, Box(0, 0, grey.shape[1], grey.shape[0]), self._vision.edge_min_magnitude)
+        def edges_of(band: Band | None) -> Edges:
+            work.edges = self._edges.step(grey, everywhere(grey) if band is None else band)
             return work.edges
 
-        work.found = self._finder.step(edges, everywhere)
+        work.found = self._finder.step(edges, edges_of)
         if work.found is None:
             work.reasons.append("ring not in the picture")
         elif work.found.reason:
@@ -113,18 +147,39 @@ class FrontEnd:
     def _find_lines(self, work: Work) -> None:
         if work.edges is None or work.found is None:
             return
-        circle = work.found.circle
+        circle, vision = work.found.circle, self._vision
         center = (circle.u_px, circle.v_px)
-        work.lines = lines_from_edges(work.edges, center, circle.std_px, self._ring, self._vision)
+        if not self._paper:
+            self._meeting.search(work.edges, center, vision.edge_tolerance_deg)
+        meeting = self._meeting.point
+        work.lines = lines_from_edges(work.edges, center, circle.std_px, self._ring, vision, meeting)
+        if not self._paper:
+            self._meeting.learn(work.lines)
         if work.lines.angle_rad.size == 0:
             work.reasons.append("no lines")
 
     def _describe(self, work: Work) -> None:
         work.descriptor = np.empty((0, self._vision.areas * 2 * self._vision.bins), dtype=np.float32)
         if work.grey is not None and work.found is not None:
-            center = work.found.circle[:2]
-            work.descriptor = descriptors(work.grey, center, work.lines.angle_rad, self._ring, self._vision)
+            center, lines = work.found.circle[:2], work.lines
+            work.descriptor = descriptors(work.grey, center, lines.angle_rad, self._ring, self._vision, lines.slant_px)
 
     def _track(self, work: Work) -> None:
         assert work.descriptor is not None
         work.tracked = self._tracker.step(work.lines, work.descriptor)
+
+
+def _place(place: float, scale: float) -> float:
+    """A coordinate of the shrunk picture in the frame; pixel centres are at integers in both."""
+    return (place + 0.5) / scale - 0.5
+
+
+def _scaled(ring: MirrorRing, scale: float) -> MirrorRing:
+    """The ring as it is in a picture shrunk by so much."""
+    if scale == 1.0:
+        return ring
+    u, v = ((place + 0.5) * scale - 0.5 for place in ring.center_px)
+    horizon = None if ring.horizon_px is None else ring.horizon_px * scale
+    return MirrorRing(
+        center_px=(u, v), r_min_px=ring.r_min_px * scale, r_max_px=ring.r_max_px * scale, horizon_px=horizon
+    )

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import TURN, wrap
+from omnivert.compiled import compiled
 from omnivert.config import MirrorRing, Vision
-from omnivert.vision.edges import Edges
+from omnivert.vision.edges import Array, Edges
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -16,60 +17,122 @@ _RIM_MARGIN_PX = 2.0  # the rim itself is no line
 _WIDE_RAD = np.deg2rad(0.5)  # votes this far on either side of a sector still count for its peak
 _REACH_RAD = np.deg2rad(1.0)  # and this far on either side of a peak belong to its line
 _SAME_RAD = 0.008  # two lines of one polarity that end up this close are one
+_WIDTHS_PX = np.array((4.0, 2.5, 1.5, 1.5))  # points farther off a line have no say; step after step of the fit
 _CORRELATED_PX = 4.0  # neighbouring points of an edge share their error over about this many
 
 
 class Votes(NamedTuple):
-    """Edge points whose edge points at the centre, (N,) each."""
+    """Edge points whose edge points at where the lines meet, (N,) each."""
 
-    angle_rad: Float  # image angle atan2(-(v - cv), u - cu), (-pi, pi]
+    angle_rad: Float  # image angle atan2(-(v - cv), u - cu), (-pi, pi], of the point's line at the horizon
     radius_px: Float
     polarity: Int  # +1: the picture gets brighter in the sense of growing angle; -1: darker
     extent_px: Float  # length of line that the point stands for, along the radius
 
 
 class Lines(NamedTuple):
-    """Lines of one frame, by growing angle, (N,) each."""
+    """Lines of one frame, by growing angle, (N,) each.
 
-    angle_rad: Float  # image angle, (-pi, pi]
+    A line that does not meet the ring's centre leans: at radius r its image angle is angle + slant (1 / r - 1 / h), h
+    the horizon, where a tilt of the axis does not show.
+    """
+
+    angle_rad: Float  # image angle, (-pi, pi], at the horizon
     std_rad: Float
     polarity: Int  # +1, -1; 0: not told apart (paper)
     strength: Float  # share of Rmax - Rmin with an edge, 0..1
+    inner_px: Float  # radius of the first and of the last of its points
+    outer_px: Float
+    slant_px: Float  # how far it passes the ring's centre, in the sense of growing angle: as all lines meet
+    lean_px: Float  # what its own points say beyond `slant_px`, and the sigma of that
+    lean_std_px: Float
 
 
 def no_lines() -> Lines:
-    return Lines(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.empty(0))
+    return Lines(*(np.empty(0, dtype=np.int64 if name == "polarity" else np.float64) for name in Lines._fields))  # type: ignore[arg-type]  # one array a field
 
 
 def lines_from_edges(
-    edges: Edges, center: tuple[float, float], center_std: float, ring: MirrorRing, vision: Vision
+    edges: Edges,
+    center: tuple[float, float],
+    center_std: float,
+    ring: MirrorRing,
+    vision: Vision,
+    meeting: tuple[float, float] = (0.0, 0.0),
 ) -> Lines:
     """The vertical lines around a ring centre.
 
     center, center_std  px
+    meeting             px  where the lines meet, from the centre
     """
-    votes = radial_votes(edges, center, ring.r_min_px, ring.r_max_px - _RIM_MARGIN_PX, vision.edge_tolerance_deg)
+    r_max, tolerance = ring.r_max_px - _RIM_MARGIN_PX, vision.edge_tolerance_deg
+    votes = radial_votes(edges, center, ring.r_min_px, r_max, tolerance, ring.horizon, meeting)
     length = ring.r_max_px - ring.r_min_px
     if vision.mode == "paper":
-        return sector_lines(votes, length, center_std, vision)
-    return refined_lines(votes, length, center_std, vision)
+        return sector_lines(votes, ring, center_std, vision)
+    return refined_lines(votes, length, center_std, vision, ring.horizon, meeting)
 
 
-def radial_votes(edges: Edges, center: tuple[float, float], r_min: float, r_max: float, tolerance_deg: float) -> Votes:
-    """The edge points between two radii whose edge points at the centre within a tolerance.
+def radial_votes(
+    edges: Edges,
+    center: tuple[float, float],
+    r_min: float,
+    r_max: float,
+    tolerance_deg: float,
+    horizon: float = 1.0,
+    meeting: tuple[float, float] = (0.0, 0.0),
+) -> Votes:
+    """The edge points between two radii whose edge points at where lines meet within a tolerance.
 
     # The gradient of a radial edge is tangential: it is the edge, across the gradient, that must point at the centre.
     """
-    u, v = edges.u_px - np.float32(center[0]), edges.v_px - np.float32(center[1])
-    square = u * u + v * v
-    along = np.abs(u * edges.gradient_u + v * edges.gradient_v)  # r x component along the radius
-    across = v * edges.gradient_u - u * edges.gradient_v  # r x component in the sense of growing angle
-    keep = (square >= r_min**2) & (square <= r_max**2) & (along <= np.tan(np.deg2rad(tolerance_deg)) * np.abs(across))
-    x, y = u[keep].astype(np.float64), -v[keep].astype(np.float64)
-    radius = np.sqrt(square[keep].astype(np.float64))
-    polarity = np.where(across[keep] >= 0.0, 1, -1).astype(np.int64)
-    # A thinned slanted edge has one point a row (or column), so fewer points than its length has pixels.
-    return Votes(np.arctan2(y, x), radius, polarity, radius / np.maximum(np.abs(x), np.abs(y)))
+    tangent = float(np.tan(np.deg2rad(tolerance_deg)))
+    table, polarity = _votes(*edges, *center, *meeting, r_min, r_max, horizon, tangent)
+    return Votes(table[0], table[1], polarity, table[2])
+
+
+@compiled
+def _votes(
+    u: Array,
+    v: Array,
+    gradient_u: Array,
+    gradient_v: Array,
+    center_u: float,
+    center_v: float,
+    meeting_u: float,
+    meeting_v: float,
+    r_min: float,
+    r_max: float,
+    horizon: float,
+    tangent: float,
+) -> tuple[Float, Int]:
+    """Angle, radius and extent (3, N), polarity (N,)."""
+    table, polarity = np.empty((3, u.size)), np.empty(u.size, dtype=np.int64)
+    count = 0
+    for k in range(u.size):
+        du, dv = np.float64(u[k]) - center_u, np.float64(v[k]) - center_v
+        square = du * du + dv * dv
+        if square < r_min * r_min or square > r_max * r_max:
+            continue
+        from_u, from_v = du - meeting_u, dv - meeting_v
+        gu, gv = np.float64(gradient_u[k]), np.float64(gradient_v[k])
+        along = from_u * gu + from_v * gv  # distance x component along the line
+        across = from_v * gu - from_u * gv  # distance x component in the sense of growing angle
+        if abs(along) > tangent * abs(across):
+            continue
+        radius = np.sqrt(square)
+        slant = (dv * meeting_u - du * meeting_v) / radius
+        angle = np.arctan2(-dv, du) - slant * (1.0 / radius - 1.0 / horizon)
+        if angle > np.pi:
+            angle -= TURN
+        elif angle <= -np.pi:
+            angle += TURN
+        table[0, count], table[1, count] = angle, radius
+        # A thinned slanted edge has one point a row (or column), so fewer points than its length has pixels.
+        table[2, count] = radius / max(abs(du), abs(dv))
+        polarity[count] = 1 if across >= 0.0 else -1
+        count += 1
+    return table[:, :count], polarity[:count]
 
 
 def sector_histogram(angle: Float, weight: Float | None, sectors: int) -> Float:
@@ -86,14 +149,17 @@ def local_peaks(histogram: Float, threshold: float, reach: int = 1) -> Int:
     return np.flatnonzero(peak).astype(np.int64)
 
 
-def sector_lines(votes: Votes, length: float, center_std: float, vision: Vision) -> Lines:
+def sector_lines(votes: Votes, ring: MirrorRing, center_std: float, vision: Vision) -> Lines:
     """The paper's lines: one histogram, one vote a point, the bearing in the middle of the sector."""
+    length = ring.r_max_px - ring.r_min_px
     histogram = sector_histogram(votes.angle_rad, None, vision.sectors)
     at = strongest(local_peaks(histogram, vision.min_length * length), histogram, vision.max_lines)
     angle = wrap(((at + 0.5) * (TURN / vision.sectors) - np.pi).astype(np.float64))
     sector_std = TURN / vision.sectors / np.sqrt(12.0)
     std = np.full(at.size, np.hypot(max(sector_std, np.deg2rad(vision.bearing_std_deg)), center_std / length))
-    return Lines(angle, std, np.zeros(at.size, dtype=np.int64), np.minimum(histogram[at] / length, 1.0))
+    inner, outer = np.full(at.size, ring.r_min_px), np.full(at.size, ring.r_max_px)
+    none, strength = np.zeros(at.size), np.minimum(histogram[at] / length, 1.0)
+    return Lines(angle, std, none.astype(np.int64), strength, inner, outer, none, none, np.full(at.size, np.inf))
 
 
 def strongest(at: Int, histogram: Float, count: int) -> Int:
@@ -103,7 +169,9 @@ def strongest(at: Int, histogram: Float, count: int) -> Int:
     return np.sort(at[np.argsort(-histogram[at], kind="stable")[:count]])
 
 
-def refined_lines(votes: Votes, length: float, center_std: float, vision: Vision) -> Lines:
+def refined_lines(
+    votes: Votes, length: float, center_std: float, vision: Vision, horizon: float, meeting: tuple[float, float]
+) -> Lines:
     """Lines of either polarity by themselves, each bearing fitted to its points.
 
     # Paper: one histogram, bearings at the middle of a sector. Here: one for each polarity, because the two sides of a
@@ -113,14 +181,12 @@ def refined_lines(votes: Votes, length: float, center_std: float, vision: Vision
     sectors = vision.sectors
     half, reach = round(_WIDE_RAD / TURN * sectors), max(round(_REACH_RAD / TURN * sectors), 1)
     least = min(vision.min_length, vision.min_length_continued) * length
-    sector = ((votes.angle_rad / TURN + 0.5) * sectors).astype(np.intp) % sectors
-    side = (votes.polarity < 0).astype(np.intp)
+    table = _polar_histograms(votes.angle_rad, votes.extent_px, votes.polarity, sectors)
     starts: list[Float] = []
     polarities: list[Int] = []
-    owner = np.full((2, sectors), -1, dtype=np.intp)  # the line that a sector's points belong to
+    owner = np.full((2, sectors), -1, dtype=np.int64)  # the line that a sector's points belong to
     for row, sign in enumerate((1, -1)):
-        mine = side == row
-        histogram = sector_histogram(votes.angle_rad[mine], votes.extent_px[mine], sectors)
+        histogram = table[row]
         wide = sum((np.roll(histogram, step) for step in range(-half, half + 1) if step), histogram)
         at = strongest(local_peaks(wide, least, reach), wide, vision.max_lines)
         first = sum(a.size for a in starts)
@@ -130,38 +196,97 @@ def refined_lines(votes: Votes, length: float, center_std: float, vision: Vision
         starts.append(wrap(((at + 0.5) * (TURN / sectors) - np.pi).astype(np.float64)))
         polarities.append(np.full(at.size, sign, dtype=np.int64))
     angle, polarity = np.concatenate(starts), np.concatenate(polarities)
-    line = owner[side, sector]
-    mine = line >= 0
-    line, theta, radius, extent = line[mine], votes.angle_rad[mine], votes.radius_px[mine], votes.extent_px[mine]
-    angle, std, strength = _fitted(line, theta, radius, extent, angle, length, vision)
-    std = np.hypot(std, center_std / (0.5 * length))
+    fit = _fits(*votes, owner, angle, _WIDTHS_PX, horizon, _CORRELATED_PX)
+    angle, std, strength, inner, outer, lean, lean_std = fit
+    angle, strength = wrap(angle), strength / length
+    std = np.hypot(np.hypot(std, np.deg2rad(vision.bearing_std_deg)), center_std / (0.5 * length))
     keep = _distinct(angle, polarity, strength) & (strength * length >= least)
     order = np.flatnonzero(keep)
     if order.size > vision.max_lines:
         order = order[np.argsort(-strength[order], kind="stable")[: vision.max_lines]]
     order = order[np.argsort(angle[order], kind="stable")]
-    return Lines(angle[order], std[order], polarity[order], np.minimum(strength[order], 1.0))
+    slant = -np.sin(angle) * meeting[0] - np.cos(angle) * meeting[1]
+    rest = (np.minimum(strength, 1.0), inner, outer, slant, lean, lean_std)
+    return Lines(angle[order], std[order], polarity[order], *(values[order] for values in rest))
 
 
-def _fitted(
-    line: NDArray[np.intp], theta: Float, radius: Float, extent: Float, angle: Float, length: float, vision: Vision
-) -> tuple[Float, Float, Float]:
-    """Angle, sigma and strength of every line by robust least squares on its points' distances from the ray."""
-    n = angle.size
-    std, strength = np.full(n, np.pi), np.zeros(n)
-    for width in (4.0, 2.5, 1.5, 1.5):
-        e = radius * wrap(theta - angle[line])
-        weight = np.maximum(1.0 - (e / width) ** 2, 0.0) ** 2 * extent
+@compiled
+def _polar_histograms(angle: Float, weight: Float, polarity: Int, sectors: int) -> Float:
+    """(2, sectors): the rising edges' votes in sectors, and the falling ones'."""
+    histogram = np.zeros((2, sectors))
+    for k in range(angle.size):
+        sector = int((angle[k] / TURN + 0.5) * sectors) % sectors
+        histogram[0 if polarity[k] > 0 else 1, sector] += weight[k]
+    return histogram
 
-        def total(value: Float) -> Float:
-            return np.bincount(line, weights=value, minlength=n).astype(np.float64)
 
-        square = np.maximum(total(weight * radius**2), 1.0)
-        angle = wrap(angle + total(weight * radius * e) / square)
-        variance = total(weight * e**2) / np.maximum(total(weight), 1e-9)
-        std = np.sqrt(_CORRELATED_PX * np.maximum(variance, 0.02) / square)
-        strength = total(extent * (np.abs(e) <= width)) / length
-    return angle, np.hypot(std, np.deg2rad(vision.bearing_std_deg)), strength
+@compiled
+def _fits(
+    theta: Float,
+    radius: Float,
+    polarity: Int,
+    extent: Float,
+    owner: Int,
+    start: Float,
+    widths: Float,
+    horizon: float,
+    correlated: float,
+) -> Float:
+    """Every line by robust least squares on its points' distances from it.
+
+    owner  (2, sectors)  line of each sector of rising and of falling edges, or -1
+    start  (N,)  rad
+    returns  (7, N): angle, sigma, length px, inner and outer radius, lean and its sigma px
+    """
+    lines, sectors = start.size, owner.shape[1]
+    fit = np.zeros((7, lines))
+    fit[0] = start
+    line = np.empty(theta.size, dtype=np.int64)
+    for k in range(theta.size):
+        line[k] = owner[0 if polarity[k] > 0 else 1, int((theta[k] / TURN + 0.5) * sectors) % sectors]
+    for width in widths:
+        total = np.zeros((7, lines))
+        fit[2], fit[3], fit[4] = 0.0, np.inf, 0.0
+        for k in range(theta.size):
+            i = line[k]
+            if i < 0:
+                continue
+            r = radius[k]
+            off = theta[k] - fit[0, i]
+            if off > np.pi:
+                off -= TURN
+            elif off < -np.pi:
+                off += TURN
+            e = r * off
+            near = 1.0 - (e / width) ** 2
+            if near < 0.0:
+                continue
+            fit[2, i] += extent[k]
+            fit[3, i], fit[4, i] = min(fit[3, i], r), max(fit[4, i], r)
+            weight = near * near * extent[k]
+            g = 1.0 - r / horizon
+            total[0, i] += weight
+            total[1, i] += weight * r * r
+            total[2, i] += weight * r * e
+            total[3, i] += weight * e * e
+            total[4, i] += weight * g * r
+            total[5, i] += weight * g * g
+            total[6, i] += weight * g * e
+        for i in range(lines):
+            square = max(total[1, i], 1.0)
+            turn = total[2, i] / square
+            fit[0, i] += turn
+            variance = correlated * max(total[3, i] / max(total[0, i], 1e-9), 0.02)
+            fit[1, i] = np.sqrt(variance / square)
+            rest = total[5, i] - total[4, i] ** 2 / square  # of g, once the angle has taken its part
+            if rest > 1e-9:
+                fit[5, i] = (total[6, i] - total[4, i] * turn) / rest
+                fit[6, i] = np.sqrt(variance / rest)
+            else:
+                fit[5, i], fit[6, i] = 0.0, np.inf
+            if fit[4, i] == 0.0:
+                fit[3, i] = 0.0
+    return fit
 
 
 def _distinct(angle: Float, polarity: Int, strength: Float) -> NDArray[np.bool_]:

@@ -38,6 +38,8 @@ class Tracked(NamedTuple):
     line: Int  # index of the line in the frame
     track_id: Int  # counts up from 0 over the tracker's life
     age_frames: Int  # frames since the track began; 0: new
+    quality: Float  # 0..1, how sure the identity is
+    moving: NDArray[np.bool_]  # the line moves against the static world
 
 
 class _Tracks(NamedTuple):
@@ -154,7 +156,8 @@ class Tracker:
         row = np.concatenate((track, tracks.track_id.size + np.arange(new.size)))
         order = np.argsort(row, kind="stable")
         line, row = line[order], row[order]
-        result = Tracked(line, everything.track_id[row], frame - everything.born[row])
+        none = np.ones(row.size), np.zeros(row.size, dtype=np.bool_)
+        result = Tracked(line, everything.track_id[row], frame - everything.born[row], *none)
         kept = frame - everything.seen < self._vision.lookback_frames
         self._tracks = _Tracks(*(a[kept] for a in everything))  # type: ignore[arg-type]  # one row each
         return result

@@ -12,7 +12,7 @@ from omnivert.angles import wrap
 from omnivert.config import MirrorRing, Vision
 from omnivert.messages import Frame, PixelFormat
 from omnivert.vision.descriptor import descriptors
-from omnivert.vision.edges import Box, thinned_edges
+from omnivert.vision.edges import everywhere, thinned_edges
 from omnivert.vision.image import grey_from_frame
 from omnivert.vision.lines import Lines, lines_from_edges
 from omnivert.vision.matching import distances, matches
@@ -122,7 +122,7 @@ def test_the_fast_descriptor_matches_nearly_as_well_as_the_papers(shared_data: P
         data = np.fromfile(folder / f"frames/{index:06d}.jpg", dtype=np.uint8)
         grey = grey_from_frame(Frame(0, PixelFormat.JPEG, 640, 480, data))
         center = (float(centers[index, 0]), float(centers[index, 1]))
-        lines = lines_from_edges(thinned_edges(grey, Box(0, 0, 640, 480), 30.0), center, 0.02, RING, Vision())
+        lines = lines_from_edges(thinned_edges(grey, everywhere(grey), 30.0), center, 0.02, RING, Vision())
         H = {m: descriptors(grey, center, lines.angle_rad, RING, Vision.model_validate({"mode": m})) for m in wrong}
         if before is not None and before[2] == index - 1:
             for mode in wrong:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omnivert.angles import wrap
 from omnivert.config import MirrorRing, Vision
-from omnivert.vision.edges import Box, Edges, thinned_edges
+from omnivert.vision.edges import Edges, everywhere, thinned_edges
 from omnivert.vision.lines import Lines, lines_from_edges, local_peaks, radial_votes, sector_histogram, strongest
 
 Grey = NDArray[np.uint8]
@@ -16,7 +16,7 @@ Scene = Callable[..., Grey]
 
 
 def _edges(picture: Grey) -> Edges:
-    return thinned_edges(picture, Box(0, 0, picture.shape[1], picture.shape[0]), 30.0)
+    return thinned_edges(picture, everywhere(picture), 30.0)
 
 
 def _lines(picture: Grey, center: tuple[float, float], ring: MirrorRing, vision: Vision | None = None) -> Lines:

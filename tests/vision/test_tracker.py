@@ -13,6 +13,12 @@ Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 
+def lines_at(angle: Float, std: Float, polarity: NDArray[np.int64], strength: Float) -> Lines:
+    """Lines that meet the centre and span the ring."""
+    none = np.zeros(angle.size)
+    return Lines(angle, std, polarity, strength, none + 63.0, none + 225.0, none, none, none + 1.0)
+
+
 class World:
     """Lines with fixed descriptors, seen with a little noise."""
 
@@ -27,7 +33,7 @@ class World:
         n = which.size
         angle = wrap(self.angle[which] + turn + self.rng.normal(0.0, 1e-3, n))
         noise = self.rng.normal(0.0, 0.01, (n, 192))
-        lines = Lines(angle, np.full(n, 1e-3), self.polarity[which], np.full(n, strength))
+        lines = lines_at(angle, np.full(n, 1e-3), self.polarity[which], np.full(n, strength))
         return lines, (self.descriptor[which] + noise).astype(np.float32)
 
 
@@ -95,7 +101,7 @@ def test_polarity_tells_two_sides_of_a_bar_apart() -> None:
     same = np.repeat(np.sqrt(3.0) * same / np.linalg.norm(same), 2, axis=0).astype(np.float32)
     for frame in range(5):
         angle = np.array([0.5, 0.51]) + 0.01 * frame
-        lines = Lines(angle, np.full(2, 1e-3), np.array([1, -1]), np.ones(2))
+        lines = lines_at(angle, np.full(2, 1e-3), np.array([1, -1]), np.ones(2))
         assert tracker.step(lines, same).track_id.tolist() == [0, 1]
 
 
@@ -104,7 +110,7 @@ def test_look_alikes_are_told_apart_by_where_they_are() -> None:
     same = np.full((4, 192), np.sqrt(3.0 / 192.0), dtype=np.float32)
     for frame in range(8):
         angle = wrap(np.array([-2.0, -1.0, 0.5, 1.2]) + 0.06 * frame)
-        lines = Lines(angle, np.full(4, 1e-3), np.ones(4, dtype=np.int64), np.ones(4))
+        lines = lines_at(angle, np.full(4, 1e-3), np.ones(4, dtype=np.int64), np.ones(4))
         assert tracker.step(lines, same).track_id.tolist() == [0, 1, 2, 3]
 
 
@@ -127,7 +133,7 @@ def test_no_identity_is_given_twice_whatever_comes(mode: str, seed: int) -> None
     for _ in range(8):
         n = int(rng.integers(0, 12))
         angle = np.sort(wrap(rng.uniform(-np.pi, np.pi, n)))
-        lines = Lines(angle, np.full(n, 1e-3), rng.choice([-1, 1], n).astype(np.int64), rng.uniform(0.2, 1.0, n))
+        lines = lines_at(angle, np.full(n, 1e-3), rng.choice([-1, 1], n).astype(np.int64), rng.uniform(0.2, 1.0, n))
         noise = rng.normal(0.0, 0.01, (n, 192))
         tracked = tracker.step(lines, (few[rng.integers(0, 4, n)] + noise).astype(np.float32))
         assert np.unique(tracked.track_id).size == tracked.track_id.size
