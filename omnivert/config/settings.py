@@ -158,7 +158,7 @@ class Bus(Section):
 class Vision(Section):
     """Vertical lines, descriptor, matching, tracks (II-IV, IX-A). `mode = "paper"` takes the paper's values."""
 
-    PAPER = {"edge_tolerance_deg": 5.0, "min_length": 0.5}
+    PAPER = {"edge_tolerance_deg": 5.0, "min_length": 0.5, "bearing_std_deg": 0.04}
 
     mode: Literal["default", "paper"] = "default"
     ring_search_px: float = Field(20.0, ge=1.0, le=500.0)
@@ -168,7 +168,7 @@ class Vision(Section):
     edge_tolerance_deg: float = Field(20.0, gt=0.0, le=45.0)
     """Edges that point at the centre within this are kept. Paper: 5 deg (II, step 2)."""
     edge_min_magnitude: float = Field(30.0, ge=0.0, le=1000.0)
-    """Sobel magnitude below which a pixel is no edge (grey steps x 8)."""
+    """Sobel magnitude below which a pixel is no edge (grey steps x 8; outside paper mode of the picture in full light)."""
     sectors: int = Field(720, ge=90, le=7200)
     """Sectors of the histogram (II, step 4)."""
     min_length: float = Field(0.28, gt=0.0, le=1.0)
@@ -191,7 +191,7 @@ class Vision(Section):
     """A match needs minD < F3 SminD (eq. 10)."""
     lookback_frames: int = Field(20, ge=1, le=1000)
     """A line without a match is looked for this many frames back (IX-A)."""
-    bearing_std_deg: float = Field(0.04, gt=0.0, le=10.0)
+    bearing_std_deg: float = Field(0.027, gt=0.0, le=10.0)
     """What a bearing's sigma never falls below, however many points its line has [the paper is silent]."""
 
     @model_validator(mode="before")

@@ -48,7 +48,7 @@ def descriptors(
         return np.empty((0, vision.areas * 2 * vision.bins), dtype=np.float32)
     r_a, distance = area_radii(ring, vision.areas)
     exact = vision.mode == "paper"
-    field = gradient_field(grey, center, ring.r_max_px + r_a, r_a / 3.0, shrink=not exact)
+    field = gradient_field(grey, center, ring.r_max_px + 1.5 * r_a + 2.0, r_a / 3.0, shrink=not exact)
     direction = np.repeat(angle_rad[:, None], distance.size, axis=1)  # of the areas' middles
     if slant_px is not None:
         direction += slant_px[:, None] * (1.0 / distance - 1.0 / ring.horizon)

@@ -10,7 +10,7 @@ from omnivert.angles import wrap
 from omnivert.config import Config, MirrorRing
 from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
 from omnivert.vision.descriptor import Float32, descriptors
-from omnivert.vision.edges import Band, EdgeFinder, Edges, everywhere
+from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
 from omnivert.vision.image import Grey, grey_from_frame
 from omnivert.vision.lines import Lines, lines_from_edges, no_lines
 from omnivert.vision.meeting import MeetingFinder
@@ -27,6 +27,7 @@ class Work:
     frame: Frame
     reasons: list[str] = field(default_factory=list)
     grey: Grey | None = None
+    tone: Array = field(default_factory=lambda: PLAIN)
     edges: Edges | None = None
     found: RingFound | None = None
     lines: Lines = field(default_factory=no_lines)
@@ -127,7 +128,9 @@ class FrontEnd:
 
     def _find_edges(self, work: Work) -> None:
         if work.grey is not None:
-            work.edges = self._edges.step(work.grey, self._finder.band)
+            band = self._finder.band
+            work.tone = PLAIN if self._paper else tone_of_light(work.grey, band)
+            work.edges = self._edges.step(work.grey, band, work.tone)
 
     def _find_ring(self, work: Work) -> None:
         grey, edges = work.grey, work.edges
@@ -135,7 +138,7 @@ class FrontEnd:
             return
 
         def edges_of(band: Band | None) -> Edges:
-            work.edges = self._edges.step(grey, everywhere(grey) if band is None else band)
+            work.edges = self._edges.step(grey, everywhere(grey) if band is None else band, work.tone)
             return work.edges
 
         work.found = self._finder.step(edges, edges_of)

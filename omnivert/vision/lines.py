@@ -17,7 +17,8 @@ _RIM_MARGIN_PX = 2.0  # the rim itself is no line
 _WIDE_RAD = np.deg2rad(0.5)  # votes this far on either side of a sector still count for its peak
 _REACH_RAD = np.deg2rad(1.0)  # and this far on either side of a peak belong to its line
 _SAME_RAD = 0.008  # two lines of one polarity that end up this close are one
-_WIDTHS_PX = np.array((4.0, 2.5, 1.5, 1.5))  # points farther off a line have no say; step after step of the fit
+_WIDTHS_PX = np.array((4.0, 2.5, 1.5, 1.0))  # points farther off a line have no say; step after step of the fit
+_ON_LINE_PX = 1.5  # this far off a point still counts for its line's length
 _CORRELATED_PX = 4.0  # neighbouring points of an edge share their error over about this many
 
 
@@ -196,7 +197,7 @@ def refined_lines(
         starts.append(wrap(((at + 0.5) * (TURN / sectors) - np.pi).astype(np.float64)))
         polarities.append(np.full(at.size, sign, dtype=np.int64))
     angle, polarity = np.concatenate(starts), np.concatenate(polarities)
-    fit = _fits(*votes, owner, angle, _WIDTHS_PX, horizon, _CORRELATED_PX)
+    fit = _fits(*votes, owner, angle, _WIDTHS_PX, _ON_LINE_PX, horizon, _CORRELATED_PX)
     angle, std, strength, inner, outer, lean, lean_std = fit
     angle, strength = wrap(angle), strength / length
     std = np.hypot(np.hypot(std, np.deg2rad(vision.bearing_std_deg)), center_std / (0.5 * length))
@@ -229,6 +230,7 @@ def _fits(
     owner: Int,
     start: Float,
     widths: Float,
+    on_line: float,
     horizon: float,
     correlated: float,
 ) -> Float:
@@ -258,11 +260,12 @@ def _fits(
             elif off < -np.pi:
                 off += TURN
             e = r * off
+            if abs(e) <= max(width, on_line):
+                fit[2, i] += extent[k]
+                fit[3, i], fit[4, i] = min(fit[3, i], r), max(fit[4, i], r)
             near = 1.0 - (e / width) ** 2
             if near < 0.0:
                 continue
-            fit[2, i] += extent[k]
-            fit[3, i], fit[4, i] = min(fit[3, i], r), max(fit[4, i], r)
             weight = near * near * extent[k]
             g = 1.0 - r / horizon
             total[0, i] += weight

@@ -23,9 +23,9 @@ _TAIL = 4.0  # sigmas from which a line loses its say
 _PRIOR_PX = 10.0
 _USED_PX = 1.0 / 500.0  # of Rmax: a point nearer to the centre is the centre
 _SURE = 4.0  # sigmas
-_SPAN = 0.36  # of Rmin: how far from the centre the first search looks
+_SPAN = 0.75  # of Rmin: how far from the centre the first search looks
 _COARSE_POINTS = 4000
-_CLEARER = 1.15  # how much sharper the lines must be about another point to begin there
+_CLEARER = 1.4  # how much sharper the lines must be about another point to begin there
 _SECTORS = 360
 
 
@@ -88,8 +88,9 @@ class MeetingFinder:
             weight = np.maximum(1.0 - rest**2 / (variance * _TAIL**2), 0.0) ** 2 / variance
             information = (normal * weight) @ normal.T
             off = np.linalg.solve(information + np.eye(2) * 1e-6, normal @ (weight * lean))
+        meeting = np.array(self.point) + off
         self._information = _FADE * self._information + information
-        self._vector = _FADE * self._vector + information @ (np.array(self.point) + off)
+        self._vector = _FADE * self._vector + information @ meeting
         known = self.known
         assert known is not None
         distance = float(np.hypot(known.u_px, known.v_px))
@@ -110,8 +111,8 @@ def sharpest_point(
 
     reach = _SPAN * ring.r_min_px
     best = (0.0, 0.0)
-    for span in (reach, reach / 3.0, reach / 9.0):
-        around = [(best[0] + i * span / 3.0, best[1] + j * span / 3.0) for i in range(-3, 4) for j in range(-3, 4)]
+    for span in (reach, reach / 4.0, reach / 16.0):
+        around = [(best[0] + i * span / 4.0, best[1] + j * span / 4.0) for i in range(-4, 5) for j in range(-4, 5)]
         best = max(around, key=lambda point: sharpness(*point))
     return best if sharpness(*best) > _CLEARER * sharpness(0.0, 0.0) else (0.0, 0.0)
 

@@ -21,6 +21,9 @@ _COARSE_RADIUS = 28.0  # cells; the wide search shrinks the picture until the ri
 _WIDE_CANDIDATES = 4  # peaks of the wide search that are looked at closely
 _CORRELATED = 3.0  # neighbouring points share their errors: the claimed sigma is so much larger
 _MIN_EDGES = 30
+_WIDTHS = (3.3, 2.0, 1.3)  # points farther off the rim have no say; step after step, of what lies on it
+_TAIL = 3.0  # sigmas, in the last steps
+_BEST_PX = 0.05  # no edge point is better than this
 
 
 class Shape(NamedTuple):
@@ -193,11 +196,16 @@ def _fitted(u: Float, v: Float, start: tuple[float, float], shape: Shape) -> _Fi
     known = np.array(shape[:3])
     information = 1.0 / np.square(shape.std_px)
     std = 0.5
-    for width in on_rim_px(shape.radius_px) * np.array((3.3, 2.0, 1.3, 1.0, 1.0)):
-        normal, right, weight, square, count = _rim_normal(u, v, x, float(width))
+    narrowest = on_rim_px(shape.radius_px)
+    width = _WIDTHS[0] * narrowest
+    for wide in (*_WIDTHS[1:], 0.0, 0.0, 0.0):
+        normal, right, weight, square, count = _rim_normal(u, v, x, width)
         if count < _MIN_EDGES:
             break
-        variance = _CORRELATED**2 * max(square / weight, 0.01)
+        spread = max(square / weight, _BEST_PX**2)
+        # Lights and edges of the world that end beside the rim pull at it: no wider than the rim itself scatters.
+        width = max(wide * narrowest, _TAIL * float(np.sqrt(spread)))
+        variance = _CORRELATED**2 * spread
         normal[np.arange(2, 5), np.arange(2, 5)] += variance * information
         right[2:] += variance * information * (known - x[2:])
         normal += np.eye(5) * 1e-6

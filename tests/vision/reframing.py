@@ -89,19 +89,52 @@ def off_center(drive: Drive) -> Drive:
     return reframed(drive, H, _with(drive.config, (800, 600), (u + 145.0, v + 112.0)))
 
 
-def tilted(drive: Drive, meeting_px: float = 4.0, stretch: float = 0.015, way_deg: float = 30.0) -> Drive:
-    """A mirror whose axis is not vertical: an elliptic rim, and lines that meet `meeting_px` beside its centre.
+_MIRROR_PX, _MIRROR_XI = 143.57976517604894, 0.9662164547513388  # of the corridor's: r = K cos e / (xi - sin e)
 
-    x -> x / (1 + p x) moves the image of the centre by p r^2 against the ellipse's own.
+
+def tilted(drive: Drive, tilt_deg: float, way_deg: float = 30.0) -> Drive:
+    """The axis of camera and mirror leans by a little, as when the robot's mast is bent; the rim stays where it was.
+
+    The camera has one viewpoint, so each ray of the leaning camera is one of the upright one, turned. Edges keep their
+    bearings. What the upright camera did not see beside its rim is filled with what it saw last.
     """
+    return drive.of([_leaning(p, t, drive.config, tilt_deg, way_deg) for p, t in _with_truth(drive)], drive.truth)
+
+
+def _with_truth(drive: Drive) -> list[tuple[Grey, FrameTruth]]:
+    return list(zip(drive.pictures(), drive.truth, strict=True))
+
+
+def _leaning(picture: Grey, truth: FrameTruth, config: Config, tilt_deg: float, way_deg: float) -> Grey:
+    cu, cv = center_of(truth)
+    ring, (height, width) = config.ring, picture.shape
+    v, u = np.mgrid[:height, :width]
+    x, y = u - cu, -(v - cv)
+    r, a = np.hypot(x, y), np.arctan2(y, x)
+    e = np.arcsin(_MIRROR_XI * r / np.hypot(r, _MIRROR_PX)) - np.arctan2(_MIRROR_PX, r)
+    ray = np.stack((np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)))
+    tilt, way = np.deg2rad(tilt_deg), np.deg2rad(way_deg)
+    axis = np.array([-np.sin(way), np.cos(way), 0.0])
+    cross = np.array([[0.0, 0.0, axis[1]], [0.0, 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    turn = np.eye(3) + np.sin(tilt) * cross + (1.0 - np.cos(tilt)) * cross @ cross
+    there = np.einsum("ij,jvu->ivu", turn, ray)
+    sine = np.clip(there[2], -1.0, 1.0)
+    from_r = _MIRROR_PX * np.sqrt(1.0 - sine**2) / np.maximum(_MIRROR_XI - sine, 1e-3)
+    from_r = np.clip(from_r, ring.r_min_px + 3.0, ring.r_max_px - 3.0)
+    from_a = np.arctan2(there[1], there[0])
+    seen = (r < ring.r_max_px - 2.0) & (r > ring.r_min_px)
+    map_u = np.where(seen, cu + from_r * np.cos(from_a), u).astype(np.float32)
+    map_v = np.where(seen, cv - from_r * np.sin(from_a), v).astype(np.float32)
+    return np.asarray(cv2.remap(picture, map_u, map_v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE))
+
+
+def stretched(drive: Drive, stretch: float, way_deg: float = 80.0) -> Drive:
+    """A camera that does not look along the mirror's axis: the rim is an ellipse, longer by `stretch` one way."""
     u, v = drive.config.ring.center_px
-    r = drive.config.ring.r_max_px
-    p = meeting_px / r**2 * np.array([np.cos(np.deg2rad(way_deg)), np.sin(np.deg2rad(way_deg))])
-    way = np.deg2rad(way_deg + 50.0)
+    way = np.deg2rad(way_deg)
     axis = np.array([np.cos(way), np.sin(way)])
-    stretched = np.eye(2) + stretch * (np.outer(axis, axis) - 0.5 * np.eye(2))
     H = np.eye(3)
-    H[:2, :2], H[2, :2] = stretched, p
+    H[:2, :2] += stretch * (np.outer(axis, axis) - 0.5 * np.eye(2))
     there = np.array([[1.0, 0.0, u], [0.0, 1.0, v], [0.0, 0.0, 1.0]])
     return reframed(drive, there @ H @ np.linalg.inv(there), drive.config)
 

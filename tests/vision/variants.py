@@ -17,7 +17,7 @@ from tests.vision.drive import Drive, Grey, Run, as_recorded, corridor, run
 from tests.vision.lighting import blur, encoded, flickering_gain, gain, gamma, noise, swelling_gain
 from tests.vision.limits import Limits
 from tests.vision.painting import Bar, center_of, covered, hidden, painted, polar
-from tests.vision.reframing import cut_off, mirrored, off_center, quarter_turned, resized, tilted
+from tests.vision.reframing import cut_off, mirrored, off_center, quarter_turned, resized, stretched, tilted
 
 
 def glare(drive: Drive) -> Drive:
@@ -142,9 +142,9 @@ GEOMETRY: dict[str, Made] = {
     "1024 x 768": lambda d: resized(d, 768),
     "2592 x 1944": lambda d: resized(d.picked(slice(30, 60)), 1944),
     "off centre": off_center,
-    "tilted 2 px": lambda d: tilted(d, 2.0, 0.01),
-    "tilted 4 px": tilted,
-    "stretched 2 %": lambda d: tilted(d, 0.0, 0.02),
+    "tilted 1 deg": lambda d: tilted(d, 1.0),
+    "tilted 3 deg": lambda d: tilted(d, 3.0),
+    "stretched 2 %": lambda d: stretched(d, 0.02),
     "cut off": cut_off,
 }
 WORLD: dict[str, Made] = {
