@@ -31,6 +31,8 @@ VISION = (
     "lines",
     "meeting",
     "descriptor",
+    "dissimilarity",
+    "panorama",
     "matching",
     "tracker",
     "frontend",

@@ -33,6 +33,7 @@ def _whole(value: object) -> object:
     return value
 
 
+Dissimilarity = Literal["l1", "l2", "linf", "jeffrey", "chi-square", "bhattacharyya", "quadratic", "ssd", "zncc"]
 EndPoint = Annotated[str, AfterValidator(_end_point)]
 Sign = Annotated[Literal[1, -1], BeforeValidator(_whole)]  # to Python, and so to a Literal, true and 1.0 are 1
 
@@ -183,12 +184,16 @@ class Vision(Section):
     """Bins of each orientation histogram, N_b (III)."""
     clip: float = Field(0.1, gt=0.0, le=1.0)
     """Histogram values are clipped here and scaled to unit length again (III)."""
+    dissimilarity: Dissimilarity = "l2"
+    """How unlike two lines are: by descriptors, or by patches of the panorama: ssd, zncc (IV, V). Paper: l2."""
     f1: float = Field(1.05, gt=0.0, le=4.0)
-    """A match needs minD < F1 (eq. 8)."""
+    """A match needs minD < F1 (eq. 8). Every dissimilarity is brought to the size of l2 first."""
     f2: float = Field(0.75, gt=0.0, le=4.0)
     """A match needs minD < F2 <D> (eq. 9)."""
     f3: float = Field(0.8, gt=0.0, le=4.0)
     """A match needs minD < F3 SminD (eq. 10)."""
+    mutual: bool = False
+    """The A_i nearest to B_j must be the one that B_j is nearest to. Not in the paper; only its mode goes by rules."""
     lookback_frames: int = Field(20, ge=1, le=1000)
     """A line without a match is looked for this many frames back (IX-A)."""
     bearing_std_deg: float = Field(0.027, gt=0.0, le=10.0)

@@ -94,8 +94,8 @@ class Tracker:
             # Each track as it was seen last: one that has been seen since is not among them, so that no identity is
             # given twice.
             there = np.flatnonzero(tracks.seen == self._frame - back)
-            D = distances(descriptor[open_lines], tracks.descriptor[there])
-            found = matches(D, vision.f1, vision.f2, vision.f3)
+            D = distances(descriptor[open_lines], tracks.descriptor[there], vision.dissimilarity, vision.bins)
+            found = matches(D, vision.f1, vision.f2, vision.f3, mutual=vision.mutual)
             match[open_lines[found >= 0]] = there[found[found >= 0]]
         return match
 
@@ -109,7 +109,7 @@ class Tracker:
         # is gone (15.7 % and 15.2 %). The constants above were chosen on that drive.
         """
         tracks, frame = self._tracks, self._frame
-        D = distances(descriptor, tracks.descriptor)
+        D = distances(descriptor, tracks.descriptor, self._vision.dissimilarity, self._vision.bins)
         same_side = lines.polarity[:, None] == tracks.polarity[None, :]
         ahead = wrap(lines.angle_rad[:, None] - wrap(tracks.angle + tracks.drift)[None, :])
         recent = frame - tracks.seen <= _TURN_FRAMES
