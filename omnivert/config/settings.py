@@ -121,21 +121,20 @@ class MirrorRing(Section):
     r_min_px: float = Field(63.0, gt=4.0, le=1e4)
     r_max_px: float = Field(225.0, gt=8.0, le=1e4)
     """Radius of the rim, known from one still image (II, step 1)."""
-    horizon_px: float | None = Field(None, gt=4.0, le=1e4)
-    """Radius at which level rays appear, from the mirror's drawing; without it the middle of the ring is taken.
-    Bearings of a camera whose axis is not vertical are read off there."""
+    horizon_px: float = Field(0.0, ge=0.0, le=1e4)
+    """Radius at which level rays appear, where a tilted camera's bearings are read; 0: the middle of the ring."""
 
     @property
     def horizon(self) -> float:
         """Radius at which bearings are read off, px."""
-        return 0.5 * (self.r_min_px + self.r_max_px) if self.horizon_px is None else self.horizon_px
+        return self.horizon_px or 0.5 * (self.r_min_px + self.r_max_px)
 
     @model_validator(mode="after")
     def _ring_is_open(self) -> Self:
         if self.r_max_px < self.r_min_px + 16.0:
             raise ValueError("r_max_px must exceed r_min_px by at least 16 pixels")
-        if self.horizon_px is not None and not self.r_min_px < self.horizon_px < self.r_max_px:
-            raise ValueError("horizon_px lies between r_min_px and r_max_px")
+        if self.horizon_px and not self.r_min_px < self.horizon_px < self.r_max_px:
+            raise ValueError("horizon_px must lie between r_min_px and r_max_px, or be 0")
         return self
 
 
@@ -169,7 +168,7 @@ class Vision(Section):
     edge_tolerance_deg: float = Field(20.0, gt=0.0, le=45.0)
     """Edges that point at the centre within this are kept. Paper: 5 deg (II, step 2)."""
     edge_min_magnitude: float = Field(30.0, ge=0.0, le=1000.0)
-    """Sobel magnitude below which a pixel is no edge (grey steps x 8; outside paper mode of the picture in full light)."""
+    """Sobel magnitude below which a pixel is no edge (grey steps x 8; by default of the picture in full light)."""
     sectors: int = Field(720, ge=90, le=7200)
     """Sectors of the histogram (II, step 4)."""
     min_length: float = Field(0.28, gt=0.0, le=1.0)

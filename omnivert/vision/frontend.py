@@ -9,11 +9,12 @@ import numpy as np
 from omnivert.angles import wrap
 from omnivert.config import Config, MirrorRing
 from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
-from omnivert.vision.descriptor import Float32, descriptors
+from omnivert.vision.descriptor import Float32
 from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
 from omnivert.vision.image import Grey, grey_from_frame
 from omnivert.vision.lines import Lines, lines_from_edges, no_lines
 from omnivert.vision.meeting import MeetingFinder
+from omnivert.vision.panorama import line_rows
 from omnivert.vision.ring import RingFinder, RingFound
 from omnivert.vision.tracker import Tracked, Tracker
 
@@ -51,6 +52,7 @@ class FrontEnd:
         # a lens spreads its edges over more pixels of a finer sensor, and time would grow with them.
         self._scale = 1.0 if self._paper else min(_WORK_RADIUS_PX / config.ring.r_max_px, 1.0)
         self._ring = _scaled(config.ring, self._scale)
+        self._size = round(self._camera.width_px * self._scale), round(self._camera.height_px * self._scale)
         self._edges = EdgeFinder(config.vision.edge_min_magnitude)
         self._finder = RingFinder(self._ring, config.vision)
         self._meeting = MeetingFinder(self._ring)
@@ -99,15 +101,20 @@ class FrontEnd:
         if found is None:
             return None
         circle, scale = found.circle, self._scale
-        u, v = _place(circle.u_px, scale), _place(circle.v_px, scale)
+        u, v = self._place(circle.u_px, circle.v_px)
         return Ring(u, v, circle.radius_px / scale, circle.quality, circle.std_px / scale)
 
     def _told_meeting(self, found: RingFound | None) -> MeetingPoint | None:
         known = self._meeting.known
         if found is None or known is None or self._paper:
             return None
-        u, v = _place(found.circle.u_px + known.u_px, self._scale), _place(found.circle.v_px + known.v_px, self._scale)
+        u, v = self._place(found.circle.u_px + known.u_px, found.circle.v_px + known.v_px)
         return MeetingPoint(u, v, known.std_px / self._scale, known.used)
+
+    def _place(self, u: float, v: float) -> tuple[float, float]:
+        """A place in the worked-on picture as one in the frame; pixel centres are at integers in both."""
+        width, height = self._size
+        return (u + 0.5) * self._camera.width_px / width - 0.5, (v + 0.5) * self._camera.height_px / height - 0.5
 
     def _decode(self, work: Work) -> None:
         camera, frame = self._camera, work.frame
@@ -122,8 +129,7 @@ class FrontEnd:
             work.reasons.append(str(error))
             return
         if self._scale < 1.0:
-            size = (round(camera.width_px * self._scale), round(camera.height_px * self._scale))
-            grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+            grey = np.asarray(cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
         work.grey = grey
 
     def _find_edges(self, work: Work) -> None:
@@ -155,9 +161,8 @@ class FrontEnd:
         if not self._paper:
             self._meeting.search(work.edges, center, vision.edge_tolerance_deg)
         meeting = self._meeting.point
-        work.lines = lines_from_edges(work.edges, center, circle.std_px, self._ring, vision, meeting)
-        if not self._paper:
-            self._meeting.learn(work.lines)
+        lines = lines_from_edges(work.edges, center, circle.std_px, self._ring, vision, meeting)
+        work.lines = lines if self._paper else self._meeting.corrected(lines)
         if work.lines.angle_rad.size == 0:
             work.reasons.append("no lines")
 
@@ -165,16 +170,11 @@ class FrontEnd:
         work.descriptor = np.empty((0, self._vision.areas * 2 * self._vision.bins), dtype=np.float32)
         if work.grey is not None and work.found is not None:
             center, lines = work.found.circle[:2], work.lines
-            work.descriptor = descriptors(work.grey, center, lines.angle_rad, self._ring, self._vision, lines.slant_px)
+            work.descriptor = line_rows(work.grey, center, lines.angle_rad, self._ring, self._vision, lines.slant_px)
 
     def _track(self, work: Work) -> None:
         assert work.descriptor is not None
         work.tracked = self._tracker.step(work.lines, work.descriptor)
-
-
-def _place(place: float, scale: float) -> float:
-    """A coordinate of the shrunk picture in the frame; pixel centres are at integers in both."""
-    return (place + 0.5) / scale - 0.5
 
 
 def _scaled(ring: MirrorRing, scale: float) -> MirrorRing:
@@ -182,7 +182,5 @@ def _scaled(ring: MirrorRing, scale: float) -> MirrorRing:
     if scale == 1.0:
         return ring
     u, v = ((place + 0.5) * scale - 0.5 for place in ring.center_px)
-    horizon = None if ring.horizon_px is None else ring.horizon_px * scale
-    return MirrorRing(
-        center_px=(u, v), r_min_px=ring.r_min_px * scale, r_max_px=ring.r_max_px * scale, horizon_px=horizon
-    )
+    r_min, r_max, horizon = (radius * scale for radius in (ring.r_min_px, ring.r_max_px, ring.horizon_px))
+    return MirrorRing(center_px=(u, v), r_min_px=r_min, r_max_px=r_max, horizon_px=horizon)

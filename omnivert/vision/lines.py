@@ -47,6 +47,7 @@ class Lines(NamedTuple):
     slant_px: Float  # how far it passes the ring's centre, in the sense of growing angle: as all lines meet
     lean_px: Float  # what its own points say beyond `slant_px`, and the sigma of that
     lean_std_px: Float
+    lever: Float  # by how much the angle falls when the slant grows, 1 / px
 
 
 def no_lines() -> Lines:
@@ -160,7 +161,7 @@ def sector_lines(votes: Votes, ring: MirrorRing, center_std: float, vision: Visi
     std = np.full(at.size, np.hypot(max(sector_std, np.deg2rad(vision.bearing_std_deg)), center_std / length))
     inner, outer = np.full(at.size, ring.r_min_px), np.full(at.size, ring.r_max_px)
     none, strength = np.zeros(at.size), np.minimum(histogram[at] / length, 1.0)
-    return Lines(angle, std, none.astype(np.int64), strength, inner, outer, none, none, np.full(at.size, np.inf))
+    return Lines(angle, std, none.astype(np.int64), strength, inner, outer, none, none, np.full(at.size, np.inf), none)
 
 
 def strongest(at: Int, histogram: Float, count: int) -> Int:
@@ -198,7 +199,7 @@ def refined_lines(
         polarities.append(np.full(at.size, sign, dtype=np.int64))
     angle, polarity = np.concatenate(starts), np.concatenate(polarities)
     fit = _fits(*votes, owner, angle, _WIDTHS_PX, _ON_LINE_PX, horizon, _CORRELATED_PX)
-    angle, std, strength, inner, outer, lean, lean_std = fit
+    angle, std, strength, inner, outer, lean, lean_std, lever = fit
     angle, strength = wrap(angle), strength / length
     std = np.hypot(np.hypot(std, np.deg2rad(vision.bearing_std_deg)), center_std / (0.5 * length))
     keep = _distinct(angle, polarity, strength) & (strength * length >= least)
@@ -207,7 +208,7 @@ def refined_lines(
         order = order[np.argsort(-strength[order], kind="stable")[: vision.max_lines]]
     order = order[np.argsort(angle[order], kind="stable")]
     slant = -np.sin(angle) * meeting[0] - np.cos(angle) * meeting[1]
-    rest = (np.minimum(strength, 1.0), inner, outer, slant, lean, lean_std)
+    rest = (np.minimum(strength, 1.0), inner, outer, slant, lean, lean_std, lever)
     return Lines(angle[order], std[order], polarity[order], *(values[order] for values in rest))
 
 
@@ -238,10 +239,10 @@ def _fits(
 
     owner  (2, sectors)  line of each sector of rising and of falling edges, or -1
     start  (N,)  rad
-    returns  (7, N): angle, sigma, length px, inner and outer radius, lean and its sigma px
+    returns  (8, N): angle, sigma, length px, inner and outer radius, lean and its sigma px, lever
     """
     lines, sectors = start.size, owner.shape[1]
-    fit = np.zeros((7, lines))
+    fit = np.zeros((8, lines))
     fit[0] = start
     line = np.empty(theta.size, dtype=np.int64)
     for k in range(theta.size):
@@ -279,6 +280,7 @@ def _fits(
             square = max(total[1, i], 1.0)
             turn = total[2, i] / square
             fit[0, i] += turn
+            fit[7, i] = total[4, i] / square
             variance = correlated * max(total[3, i] / max(total[0, i], 1e-9), 0.02)
             fit[1, i] = np.sqrt(variance / square)
             rest = total[5, i] - total[4, i] ** 2 / square  # of g, once the angle has taken its part

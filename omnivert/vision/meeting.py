@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnivert.angles import wrap
 from omnivert.compiled import compiled
 from omnivert.config import MirrorRing
 from omnivert.vision.edges import Array, Edges
@@ -18,12 +19,13 @@ Float = NDArray[np.float64]
 
 _FADE = 0.97  # of what older frames say, each frame
 _LEAST_LINES = 5
+_NOD_GAIN = 0.05
 _LOOSE_PX = 0.5  # how far off its point a line passes that is not quite straight
 _TAIL = 4.0  # sigmas from which a line loses its say
 _PRIOR_PX = 10.0
 _USED_PX = 1.0 / 500.0  # of Rmax: a point nearer to the centre is the centre
 _SURE = 4.0  # sigmas
-_SPAN = 0.75  # of Rmin: how far from the centre the first search looks
+_SPAN = 0.9  # of Rmin: how far from the centre the first search looks
 _COARSE_POINTS = 4000
 _CLEARER = 1.4  # how much sharper the lines must be about another point to begin there
 _SECTORS = 360
@@ -46,6 +48,8 @@ class MeetingFinder:
         self._searched = False
         self._information = np.eye(2) / _PRIOR_PX**2
         self._vector = np.zeros(2)
+        self._nodding = 0.0  # variance between frames, px^2
+        self._now = np.zeros(2)
         self._used = False
 
     @property
@@ -53,15 +57,17 @@ class MeetingFinder:
         """The point as known so far; None until lines have been seen."""
         if not self._searched:
             return None
-        inverse = np.linalg.inv(self._information)
-        u, v = (float(value) for value in inverse @ self._vector)
-        return Meeting(u, v, float(np.sqrt(np.max(np.diag(inverse)))), self._used)
+        mean, covariance = self._mean()
+        u, v = self._now if self._used else mean
+        return Meeting(float(u), float(v), float(np.sqrt(np.max(np.diag(covariance)))), self._used)
 
     @property
     def point(self) -> tuple[float, float]:
         """Where lines are taken to meet in the next frame."""
-        known = self.known
-        return (known.u_px, known.v_px) if known is not None and known.used else (0.0, 0.0)
+        if not self._used:
+            return 0.0, 0.0
+        u, v = self._mean()[0]
+        return float(u), float(v)
 
     def search(self, edges: Edges, center: tuple[float, float], tolerance_deg: float) -> None:
         """Begins, on the first frame that shows a ring, at the point about which its edges are sharpest."""
@@ -72,30 +78,67 @@ class MeetingFinder:
         if (u, v) != (0.0, 0.0):
             self._used = True
             self._information = np.eye(2) / (0.1 * _SPAN * self._ring.r_min_px) ** 2
-            self._vector = self._information @ np.array((u, v))
+            self._now = np.array((u, v))
+            self._vector = self._information @ self._now
 
-    def learn(self, lines: Lines) -> None:
-        """Takes in by how much each line leans away from where the lines of this frame were taken to meet."""
+    def corrected(self, lines: Lines) -> Lines:
+        """The lines as this frame's own meeting point has them, which is learnt from by how much each of them leans.
+
+        The mean over the frames is the tilt that the camera is mounted with; what frames differ by, the robot's
+        nodding. A frame's own point is believed against the mean as far as frames are seen to differ.
+        """
         use = np.isfinite(lines.lean_std_px)
         if np.count_nonzero(use) < _LEAST_LINES:
-            return
-        normal = np.stack((-np.sin(lines.angle_rad[use]), -np.cos(lines.angle_rad[use])))
-        lean, variance = lines.lean_px[use], lines.lean_std_px[use] ** 2 + _LOOSE_PX**2
-        off = np.zeros(2)
-        information = np.zeros((2, 2))
-        for _ in range(4):
-            rest = lean - normal.T @ off
-            weight = np.maximum(1.0 - rest**2 / (variance * _TAIL**2), 0.0) ** 2 / variance
-            information = (normal * weight) @ normal.T
-            off = np.linalg.solve(information + np.eye(2) * 1e-6, normal @ (weight * lean))
-        meeting = np.array(self.point) + off
-        self._information = _FADE * self._information + information
-        self._vector = _FADE * self._vector + information @ meeting
-        known = self.known
-        assert known is not None
-        distance = float(np.hypot(known.u_px, known.v_px))
-        least = max(_USED_PX * self._ring.r_max_px, _SURE * known.std_px)
-        self._used = distance > (0.5 * least if self._used else least)
+            return lines
+        off, information = _common_lean(lines.angle_rad[use], lines.lean_px[use], lines.lean_std_px[use])
+        before = np.array(self.point)
+        covariance = np.linalg.inv(information + np.eye(2) / _PRIOR_PX**2)
+        mean, mean_covariance = self._mean()
+        surprise = before + off - mean
+        extra = float(np.mean(surprise**2 - np.diag(covariance) - np.diag(mean_covariance)))
+        self._nodding = max(self._nodding + _NOD_GAIN * (extra - self._nodding), 0.0)
+        weight = np.linalg.inv(covariance + np.eye(2) * self._nodding)
+        self._information = _FADE * self._information + weight
+        self._vector = _FADE * self._vector + weight @ (before + off)
+        self._decide()
+        if not self._used:
+            return lines
+        mean, mean_covariance = self._mean()
+        prior = np.linalg.inv(mean_covariance + np.eye(2) * self._nodding)
+        covariance = np.linalg.inv(information + prior)
+        self._now = covariance @ (information @ (before + off) + prior @ mean)
+        change = self._now - before
+        slant = -np.sin(lines.angle_rad) * change[0] - np.cos(lines.angle_rad) * change[1]
+        std = np.hypot(lines.std_rad, lines.lever * np.sqrt(np.max(np.diag(covariance))))
+        return lines._replace(
+            angle_rad=wrap(lines.angle_rad - slant * lines.lever),
+            std_rad=std,
+            slant_px=lines.slant_px + slant,
+            lean_px=lines.lean_px - slant,
+        )
+
+    def _mean(self) -> tuple[Float, Float]:
+        covariance = np.asarray(np.linalg.inv(self._information), dtype=np.float64)
+        return covariance @ self._vector, covariance
+
+    def _decide(self) -> None:
+        mean, covariance = self._mean()
+        shift = float(np.hypot(*mean)) + np.sqrt(self._nodding)
+        least = max(_USED_PX * self._ring.r_max_px, _SURE * float(np.sqrt(np.max(np.diag(covariance)))))
+        self._used = bool(shift > (0.5 * least if self._used else least))
+
+
+def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float]:
+    """The shift of the meeting point that explains how lines lean, robustly: px (2,), and its information (2, 2)."""
+    normal = np.stack((-np.sin(angle), -np.cos(angle)))
+    variance = std**2 + _LOOSE_PX**2
+    off, information = np.zeros(2), np.zeros((2, 2))
+    for _ in range(4):
+        rest = lean - normal.T @ off
+        weight = np.maximum(1.0 - rest**2 / (variance * _TAIL**2), 0.0) ** 2 / variance
+        information = (normal * weight) @ normal.T
+        off = np.linalg.solve(information + np.eye(2) * 1e-6, normal @ (weight * lean))
+    return off, information
 
 
 def sharpest_point(
@@ -114,7 +157,8 @@ def sharpest_point(
     for span in (reach, reach / 4.0, reach / 16.0):
         around = [(best[0] + i * span / 4.0, best[1] + j * span / 4.0) for i in range(-4, 5) for j in range(-4, 5)]
         best = max(around, key=lambda point: sharpness(*point))
-    return best if sharpness(*best) > _CLEARER * sharpness(0.0, 0.0) else (0.0, 0.0)
+    within = np.hypot(*best) <= 1.05 * reach  # beyond it, what was found is where the search ended
+    return best if within and sharpness(*best) > _CLEARER * sharpness(0.0, 0.0) else (0.0, 0.0)
 
 
 @compiled

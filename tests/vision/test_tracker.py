@@ -16,7 +16,7 @@ Float32 = NDArray[np.float32]
 def lines_at(angle: Float, std: Float, polarity: NDArray[np.int64], strength: Float) -> Lines:
     """Lines that meet the centre and span the ring."""
     none = np.zeros(angle.size)
-    return Lines(angle, std, polarity, strength, none + 63.0, none + 225.0, none, none, none + 1.0)
+    return Lines(angle, std, polarity, strength, none + 63.0, none + 225.0, none, none, none + 1.0, none)
 
 
 class World:
