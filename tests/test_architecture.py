@@ -34,6 +34,7 @@ VISION = (
     "dissimilarity",
     "panorama",
     "matching",
+    "motion",
     "tracker",
     "frontend",
 )  # data order, too

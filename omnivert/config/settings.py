@@ -171,9 +171,9 @@ class Vision(Section):
     """Sobel magnitude below which a pixel is no edge (grey steps x 8; by default of the picture in full light)."""
     sectors: int = Field(720, ge=90, le=7200)
     """Sectors of the histogram (II, step 4)."""
-    min_length: float = Field(0.28, gt=0.0, le=1.0)
+    min_length: float = Field(0.30, gt=0.0, le=1.0)
     """Votes that make a line, as a share of Rmax - Rmin. Paper: 0.5 (II, step 5)."""
-    min_length_continued: float = Field(0.20, gt=0.0, le=1.0)
+    min_length_continued: float = Field(0.21, gt=0.0, le=1.0)
     """Shorter lines down to this may continue a track, never begin one. Not in the paper, unused in its mode."""
     max_lines: int = Field(200, ge=1, le=2000)
     """The strongest lines that are kept of one frame."""

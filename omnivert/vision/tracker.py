@@ -6,30 +6,34 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from omnivert.angles import TURN, wrap
+from omnivert.angles import wrap
 from omnivert.config import Vision
 from omnivert.vision.lines import Lines
 from omnivert.vision.matching import distances, matches
+from omnivert.vision.motion import DESCRIPTOR_STD, Flow, common_flow, common_turn, sine_of
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 Int = NDArray[np.int64]
 
-# Descriptors of one line in two frames of the corridor differ by 0.34 (median), 0.5 (95 %); of two lines by 0.54 (1 %).
-_DESCRIPTOR_STD = 0.3
-_OLD_STD_RAD = np.deg2rad(0.2)  # how well a line's next bearing is known when its own motion is
-_YOUNG_STD_RAD = np.deg2rad(1.5)  # and when it is not
+_KNOWN_STD_RAD = np.deg2rad(0.2)  # how well a line's next bearing is known when its own motion is
+_YOUNG_STD_RAD = np.deg2rad(1.0)  # and when it is not
+_LOOSE_STD_RAD = np.deg2rad(2.0)  # when the flow is still to be found
 _MAX_STD_RAD = np.deg2rad(3.0)
 _YOUNG_FRAMES = 2
-_GATE_RAD = np.deg2rad(6.0)
-_TAIL = 3.0  # degrees of freedom of Student's t, for drives that change their motion at once
-_NEW_COST = 10.0  # a pair that costs more is less believable than a new line
+_GATE_RAD = np.deg2rad(8.0)
+_ENDS_STD = 0.1  # of a line's length: how well its ends are seen again
+_STRENGTH_STD = 0.1
+_USUAL_DISTANCE = 0.34  # of a line's descriptors in two frames, median on the corridor
+_TAIL = 10.0  # degrees of freedom of Student's t
+_NEW_COST = 14.0  # a pair that costs more is less believable than a new line
 _DRIFT_GAIN = 0.5
 _DRIFT_FADE = 0.8  # of the own motion of a line that is out of sight
-_TURN_FRAMES = 2  # tracks seen this lately vote for the common turn
-_TURN_CELLS = 720
-_TURN_EVIDENCE = 0.15  # of one sure pair, after smoothing
-_TURN_WIDTH_RAD = np.deg2rad(2.0)
+_TURN_FRAMES = 2  # tracks seen this lately, before lines were last seen, vote for turn and flow
+_QUALITY_GAIN = 0.3
+_MOVING_RAD = np.deg2rad(0.4)  # a frame, against what driving explains; less is noise
+_MOVING_FADE = 0.8
+_MOVING_ON, _MOVING_OFF = 2.0, 0.8  # how many frames' evidence, faded, flags a line as moving, and no longer does
 
 
 class Tracked(NamedTuple):
@@ -51,12 +55,28 @@ class _Tracks(NamedTuple):
     angle: Float  # where the line should be now
     drift: Float  # its own motion a frame, beyond what all lines have in common
     polarity: Int
+    quality: Float
+    moving: Float  # faded count of frames in which the line moved against the static world
+    flagged: NDArray[np.bool_]  # as moving
+    shape: Float  # (T, 3) strength, inner and outer radius
     descriptor: Float32  # (T, K)
 
 
 def _no_tracks(length: int) -> _Tracks:
     none, zero = np.empty(0, dtype=np.int64), np.empty(0)
-    return _Tracks(none, none, none, zero, zero, none, np.empty((0, length), dtype=np.float32))
+    return _Tracks(
+        none,
+        none,
+        none,
+        zero,
+        zero,
+        none,
+        zero,
+        zero,
+        none.astype(np.bool_),
+        np.empty((0, 3)),
+        np.empty((0, length), dtype=np.float32),
+    )
 
 
 class Tracker:
@@ -77,11 +97,15 @@ class Tracker:
         """
         self._frame += 1
         paper = self._vision.mode == "paper"
-        match = self._paper_match(descriptor) if paper else self._predicted_match(lines, descriptor)
+        cost: Float | None = None
+        if paper:
+            match = self._paper_match(descriptor)
+        else:
+            match, cost = self._predicted_match(lines, descriptor)
         fresh = match < 0
         if not paper:
             fresh &= lines.strength >= self._vision.min_length  # a weak line may continue a track, not begin one
-        return self._updated(lines, descriptor, match, fresh)
+        return self._updated(lines, descriptor, match, cost, fresh)
 
     def _paper_match(self, descriptor: Float32) -> Int:
         """The track of each line, or -1: the three rules against the frame before, then the ones before that."""
@@ -99,94 +123,138 @@ class Tracker:
             match[open_lines[found >= 0]] = there[found[found >= 0]]
         return match
 
-    def _predicted_match(self, lines: Lines, descriptor: Float32) -> Int:
-        """The track of each line, or -1: least total cost within a gate around where each line should be.
+    def _predicted_match(self, lines: Lines, descriptor: Float32) -> tuple[Int, Float]:
+        """The track of each line, or -1, by least total cost around where each line should be; and the pairs' costs.
 
         # Paper: the three rules on descriptors alone. Here: descriptor, polarity and predicted bearing together,
-        # because similar lines (door frames, shelves) are told apart by where they are; the turn common to all lines
-        # is taken from the lines themselves first. On the corridor, same lines and descriptors: false links 0.9 % by
-        # the rules, 0.3 % here; false new tracks 6.9 % and 0.3 %. With only every third frame the gain in new tracks
-        # is gone (15.7 % and 15.2 %). The constants above were chosen on that drive.
+        # because similar lines (door frames, shelves) are told apart by where they are; the turn common to all lines,
+        # and how driving moves them, are taken from the lines themselves first.
         """
-        tracks, frame = self._tracks, self._frame
-        D = distances(descriptor, tracks.descriptor, self._vision.dissimilarity, self._vision.bins)
+        tracks, frame, vision = self._tracks, self._frame, self._vision
+        D = distances(descriptor, tracks.descriptor, vision.dissimilarity, vision.bins)
         same_side = lines.polarity[:, None] == tracks.polarity[None, :]
-        ahead = wrap(lines.angle_rad[:, None] - wrap(tracks.angle + tracks.drift)[None, :])
-        recent = frame - tracks.seen <= _TURN_FRAMES
-        self.common_turn_rad = common_turn(ahead[:, recent], D[:, recent], same_side[:, recent])
-        tracks = self._tracks = tracks._replace(angle=wrap(tracks.angle + tracks.drift + self.common_turn_rad))
-        surprise = wrap(ahead - self.common_turn_rad)
+        alike = same_side & (vision.f1 > D)
+        recent = np.flatnonzero(tracks.seen >= np.max(tracks.seen, initial=0) - _TURN_FRAMES)
+        moved = wrap(lines.angle_rad[:, None] - tracks.angle[None, :])
+        if lines.angle_rad.size:
+            ahead = wrap(moved[:, recent] - tracks.drift[recent])
+            turn = common_turn(ahead, D[:, recent], same_side[:, recent])
+            self.common_turn_rad = self.common_turn_rad if turn is None else turn
+        flow, unlike = self._flow(D, moved, alike, recent)
+        self.common_turn_rad = flow.turn
+        drift = flow.of(tracks.angle, tracks.drift)
+        tracks = self._tracks = tracks._replace(angle=wrap(tracks.angle + drift + flow.turn), drift=drift)
+        surprise = wrap(moved - (drift + flow.turn))
         gap = frame - tracks.seen
         young = tracks.seen - tracks.born < _YOUNG_FRAMES
-        std = np.minimum(np.where(young, _YOUNG_STD_RAD, _OLD_STD_RAD) * np.sqrt(gap), _MAX_STD_RAD)
-        cost = (
-            (D / _DESCRIPTOR_STD) ** 2
-            + _TAIL * np.log1p((surprise / std) ** 2 / _TAIL)
-            + 2.0 * np.log(std / _OLD_STD_RAD)
-        )
-        allowed = same_side & (self._vision.f1 > D) & (np.abs(surprise) < _GATE_RAD) & (cost < _NEW_COST)
-        return assigned(cost, allowed, _NEW_COST)
+        own = np.hypot(np.where(young, _YOUNG_STD_RAD, _KNOWN_STD_RAD), flow.spread)
+        std = np.minimum(own * np.sqrt(gap), _MAX_STD_RAD)
+        cost = _cost(D / unlike, surprise, std) + _shape_cost(_shapes(lines), tracks.shape)
+        return assigned(cost, alike & (np.abs(surprise) < _GATE_RAD) & (cost < _NEW_COST), _NEW_COST), cost
 
-    def _updated(self, lines: Lines, descriptor: Float32, match: Int, fresh: NDArray[np.bool_]) -> Tracked:
+    def _flow(self, D: Float, moved: Float, alike: NDArray[np.bool_], recent: NDArray[np.intp]) -> tuple[Flow, float]:
+        """How lines move since the last frame, and how much their descriptors change, of what is usual, at least 1.
+
+        Both from pairs that are each other's best within a wide gate.
+        """
+        tracks, turn = self._tracks, self.common_turn_rad
+        if D.size == 0 or recent.size == 0:
+            return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
+        off = wrap(moved[:, recent] - turn - tracks.drift[recent])
+        cost = np.where(alike[:, recent], _cost(D[:, recent], off, _LOOSE_STD_RAD), np.inf)
+        best = np.argmin(cost, axis=0)
+        pair = np.arange(recent.size)
+        sure = (np.argmin(cost, axis=1)[best] == pair) & (cost[best, pair] < _NEW_COST)
+        row, track = best[sure], recent[sure]
+        unlike = float(np.median(D[row, track])) / _USUAL_DISTANCE if row.size else 1.0
+        return common_flow(turn, tracks.angle[track], tracks.drift[track], moved[row, track]), max(unlike, 1.0)
+
+    def _updated(
+        self, lines: Lines, descriptor: Float32, match: Int, cost: Float | None, fresh: NDArray[np.bool_]
+    ) -> Tracked:
         tracks, frame = self._tracks, self._frame
         line = np.flatnonzero(match >= 0)
         track = match[line]
         surprise = wrap(lines.angle_rad[line] - tracks.angle[track])
         drift = tracks.drift * _DRIFT_FADE
         drift[track] = tracks.drift[track] + _DRIFT_GAIN * surprise / (frame - tracks.seen[track])
-        angle, seen, polarity, latest = (
-            a.copy() for a in (tracks.angle, tracks.seen, tracks.polarity, tracks.descriptor)
-        )
+        angle, quality, latest = tracks.angle.copy(), tracks.quality.copy(), tracks.descriptor.copy()
+        shape, shapes = tracks.shape.copy(), _shapes(lines)
+        seen, polarity = tracks.seen.copy(), tracks.polarity.copy()
         angle[track], seen[track], polarity[track] = lines.angle_rad[line], frame, lines.polarity[line]
-        latest[track] = descriptor[line]
+        latest[track], shape[track] = descriptor[line], shapes[line]
+        fit = np.ones(line.size) if cost is None else np.maximum(1.0 - cost[line, track] / _NEW_COST, 0.0)
+        quality *= 1.0 - _QUALITY_GAIN
+        quality[track] += _QUALITY_GAIN * fit
+        wave = sine_of(angle[track], drift[track])
+        moving, flagged = self._moving(angle, drift, track, wave)
         new = np.flatnonzero(fresh)
         new_id = self._next_id + np.arange(new.size)
         self._next_id += new.size
-        now = np.full(new.size, frame)
+        now, none = np.full(new.size, frame), np.zeros(new.size)
+        new_angle = lines.angle_rad[new]
         everything = _Tracks(
             np.concatenate((tracks.track_id, new_id)),
             np.concatenate((tracks.born, now)),
             np.concatenate((seen, now)),
-            np.concatenate((angle, lines.angle_rad[new])),
-            np.concatenate((drift, np.zeros(new.size))),
+            np.concatenate((angle, new_angle)),
+            np.concatenate((drift, wave[0] * np.cos(new_angle) + wave[1] * np.sin(new_angle))),
             np.concatenate((polarity, lines.polarity[new])),
+            np.concatenate((quality, none + _QUALITY_GAIN)),
+            np.concatenate((moving, none)),
+            np.concatenate((flagged, none > 0.0)),
+            np.concatenate((shape, shapes[new])),
             np.concatenate((latest, descriptor[new])),
         )
         line = np.concatenate((line, new))
         row = np.concatenate((track, tracks.track_id.size + np.arange(new.size)))
         order = np.argsort(row, kind="stable")
         line, row = line[order], row[order]
-        none = np.ones(row.size), np.zeros(row.size, dtype=np.bool_)
-        result = Tracked(line, everything.track_id[row], frame - everything.born[row], *none)
+        age = frame - everything.born[row]
+        result = Tracked(line, everything.track_id[row], age, everything.quality[row], everything.flagged[row])
         kept = frame - everything.seen < self._vision.lookback_frames
         self._tracks = _Tracks(*(a[kept] for a in everything))  # type: ignore[arg-type]  # one row each
         return result
 
+    def _moving(
+        self, angle: Float, drift: Float, track: Int, wave: tuple[float, float]
+    ) -> tuple[Float, NDArray[np.bool_]]:
+        """Evidence that lines move, and which are flagged: they drift where driving turns nothing, or the other way.
 
-def common_turn(ahead: Float, D: Float, same_side: NDArray[np.bool_]) -> float:
-    """How far all lines have turned together: where the differences of look-alike pairs pile up; rad, 0 when unclear.
+        A near line of the static world drifts faster than the others, a far one slower, none against them.
+        """
+        tracks = self._tracks
+        usual = wave[0] * np.cos(angle) + wave[1] * np.sin(angle)
+        against = np.where(drift * usual > 0.0, np.abs(drift) * (np.hypot(*wave) < 0.25 * _MOVING_RAD), np.abs(drift))
+        evidence = np.zeros(angle.size)
+        evidence[track] = against[track] > _MOVING_RAD
+        seen = np.zeros(angle.size, dtype=np.bool_)
+        seen[track] = True
+        moving = np.where(seen, _MOVING_FADE * tracks.moving + evidence, tracks.moving)
+        return moving, np.where(tracks.flagged, moving > _MOVING_OFF, moving > _MOVING_ON)
 
-    ahead      (N, T)  rad  bearing of line i less that of track j
-    D          (N, T)       distance of their descriptors
-    same_side  (N, T)       whether their polarities agree
-    """
-    weight = np.exp(-0.5 * (D / _DESCRIPTOR_STD) ** 2) * same_side
-    pair = weight > 0.01
-    delta, weight = ahead[pair], weight[pair]
-    cell = ((delta / TURN + 0.5) * _TURN_CELLS).astype(np.intp) % _TURN_CELLS
-    pile = np.bincount(cell, weights=weight, minlength=_TURN_CELLS)
-    for _ in range(3):
-        pile = 0.5 * pile + 0.25 * (np.roll(pile, 1) + np.roll(pile, -1))
-    peak = int(np.argmax(pile))
-    if pile[peak] < _TURN_EVIDENCE:
-        return 0.0
-    turn = (peak + 0.5) / _TURN_CELLS * TURN - np.pi
-    for _ in range(2):
-        off = wrap(delta - turn)
-        near = weight * np.maximum(1.0 - (off / _TURN_WIDTH_RAD) ** 2, 0.0)
-        if np.sum(near) > 0.0:
-            turn = wrap(turn + float(np.sum(near * off) / np.sum(near)))
-    return turn
+
+def _shapes(lines: Lines) -> Float:
+    """(N, 3) strength, inner and outer radius."""
+    return np.stack((lines.strength, lines.inner_px, lines.outer_px), axis=1)
+
+
+def _shape_cost(A: Float, B: Float) -> Float:
+    """How unlike lines are in strength and in where they begin and end, of their length; (N, T)."""
+    length = np.maximum(np.maximum(A[:, None, 2] - A[:, None, 1], B[None, :, 2] - B[None, :, 1]), 1.0)
+    ends = ((A[:, None, 1:] - B[None, :, 1:]) / length[..., None] / _ENDS_STD) ** 2
+    strength = ((A[:, None, 0] - B[None, :, 0]) / _STRENGTH_STD) ** 2
+    return np.asarray(np.sum(np.log1p(ends), axis=2) + np.log1p(strength), dtype=np.float64)
+
+
+def _cost(D: Float, surprise: Float, std: Float | float) -> Float:
+    """-2 log likelihood of pairs, less that of a sure one."""
+    return np.asarray(
+        (D / DESCRIPTOR_STD) ** 2
+        + _TAIL * np.log1p((surprise / std) ** 2 / _TAIL)
+        + 2.0 * np.log(np.maximum(std / _KNOWN_STD_RAD, 1.0)),
+        dtype=np.float64,
+    )
 
 
 def assigned(cost: Float, allowed: NDArray[np.bool_], new_cost: float) -> Int:

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from omnivert.angles import wrap
 from omnivert.config import Vision
 from omnivert.vision.lines import Lines, no_lines
-from omnivert.vision.tracker import Tracked, Tracker, assigned, common_turn
+from omnivert.vision.motion import common_turn
+from omnivert.vision.tracker import Tracked, Tracker, assigned
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
