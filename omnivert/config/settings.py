@@ -158,7 +158,7 @@ class Bus(Section):
 class Vision(Section):
     """Vertical lines, descriptor, matching, tracks (II-IV, IX-A). `mode = "paper"` takes the paper's values."""
 
-    PAPER = {"edge_tolerance_deg": 5.0, "min_length": 0.5, "bearing_std_deg": 0.04}
+    PAPER = {"edge_tolerance_deg": 5.0, "min_length": 0.5, "bearing_std_deg": 0.04, "edge_min_magnitude": 30.0}
 
     mode: Literal["default", "paper"] = "default"
     ring_search_px: float = Field(20.0, ge=1.0, le=500.0)
@@ -167,7 +167,7 @@ class Vision(Section):
     """Share of the rim that must be seen, else the frame's ring is lost."""
     edge_tolerance_deg: float = Field(20.0, gt=0.0, le=45.0)
     """Edges that point at the centre within this are kept. Paper: 5 deg (II, step 2)."""
-    edge_min_magnitude: float = Field(30.0, ge=0.0, le=1000.0)
+    edge_min_magnitude: float = Field(32.0, ge=0.0, le=1000.0)
     """Sobel magnitude below which a pixel is no edge (grey steps x 8; by default of the picture in full light)."""
     sectors: int = Field(720, ge=90, le=7200)
     """Sectors of the histogram (II, step 4)."""

@@ -145,10 +145,41 @@ def sector_histogram(angle: Float, weight: Float | None, sectors: int) -> Float:
 
 def local_peaks(histogram: Float, threshold: float, reach: int = 1) -> Int:
     """Sectors at the threshold or above that no neighbour within `reach` exceeds; the first of equals; circular."""
+    return np.flatnonzero(_peaks(histogram, threshold, reach)).astype(np.int64)
+
+
+@compiled
+def _peaks(histogram: Float, threshold: float, reach: int) -> NDArray[np.bool_]:
+    sectors = histogram.size
     peak = histogram >= max(threshold, 1e-12)
-    for step in range(1, reach + 1):
-        peak &= (histogram > np.roll(histogram, step)) & (histogram >= np.roll(histogram, -step))
-    return np.flatnonzero(peak).astype(np.int64)
+    for k in range(sectors):
+        if peak[k]:
+            for step in range(1, reach + 1):
+                before, after = histogram[(k - step) % sectors], histogram[(k + step) % sectors]
+                if before >= histogram[k] or after > histogram[k]:
+                    peak[k] = False
+    return peak
+
+
+@compiled
+def _widened(histogram: Float, half: int) -> Float:
+    """Each sector's votes and those of `half` sectors on either side."""
+    sectors = histogram.size
+    wide = np.zeros(sectors)
+    for k in range(sectors):
+        for step in range(-half, half + 1):
+            wide[k] += histogram[(k + step) % sectors]
+    return wide
+
+
+@compiled
+def _take_sectors(owner: Int, at: Int, reach: int, first: int) -> None:
+    """Writes lines first, first + 1, ... into the sectors around their peaks; a nearer peak takes a sector."""
+    for step in range(reach, -1, -1):
+        for k in range(at.size):
+            owner[(at[k] + step) % owner.size] = first + k
+        for k in range(at.size):
+            owner[(at[k] - step) % owner.size] = first + k
 
 
 def sector_lines(votes: Votes, ring: MirrorRing, center_std: float, vision: Vision) -> Lines:
@@ -188,13 +219,9 @@ def refined_lines(
     polarities: list[Int] = []
     owner = np.full((2, sectors), -1, dtype=np.int64)  # the line that a sector's points belong to
     for row, sign in enumerate((1, -1)):
-        histogram = table[row]
-        wide = sum((np.roll(histogram, step) for step in range(-half, half + 1) if step), histogram)
-        at = strongest(local_peaks(wide, least, reach), wide, vision.max_lines)
-        first = sum(a.size for a in starts)
-        for step in range(reach, -1, -1):  # nearer peaks overwrite
-            owner[row, (at + step) % sectors] = first + np.arange(at.size)
-            owner[row, (at - step) % sectors] = first + np.arange(at.size)
+        wide = _widened(table[row], half)
+        at = strongest(np.flatnonzero(_peaks(wide, least, reach)), wide, vision.max_lines)
+        _take_sectors(owner[row], at, reach, sum(a.size for a in starts))
         starts.append(wrap(((at + 0.5) * (TURN / sectors) - np.pi).astype(np.float64)))
         polarities.append(np.full(at.size, sign, dtype=np.int64))
     angle, polarity = np.concatenate(starts), np.concatenate(polarities)

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import TURN, wrap
+from omnivert.compiled import compiled
 
 Float = NDArray[np.float64]
+Int = NDArray[np.int64]
 
 DESCRIPTOR_STD = (
     0.3  # of two views of one line; those of the corridor differ by 0.34 (median), of two lines by 1.0 (1 %)
@@ -17,6 +19,7 @@ _TURN_EVIDENCE = 0.15  # of one sure pair, after smoothing
 _TURN_WIDTH_RAD = np.deg2rad(2.0)
 _FLOW_STD = np.array((np.deg2rad(2.0), 0.7, np.deg2rad(2.0), np.deg2rad(2.0)))  # prior of its four numbers
 _LEAST_SPREAD_RAD = np.deg2rad(0.1)
+_FIRST_SPREAD_RAD = np.deg2rad(2.0)
 _FLOW_PAIRS = 6
 
 
@@ -48,45 +51,57 @@ def common_flow(turn: float, angle: Float, drift: Float, moved: Float) -> Flow:
     if moved.size < _FLOW_PAIRS:
         return Flow(turn, 1.0, 0.0, 0.0, _LEAST_SPREAD_RAD)
     table = np.stack((np.ones_like(angle), drift, np.cos(angle), np.sin(angle)))
-    rest = wrap(moved - turn - drift)
-    x, spread = np.zeros(4), np.deg2rad(2.0)
-    for _ in range(6):
-        off = rest - x @ table
-        weight = np.maximum(1.0 - (off / (3.0 * spread)) ** 2, 0.0) ** 2
-        normal = (table * weight) @ table.T + np.diag(spread**2 / _FLOW_STD**2)
-        x = np.linalg.solve(normal, table @ (weight * rest))
-        spread = max(1.4826 * float(np.median(np.abs(rest - x @ table))), _LEAST_SPREAD_RAD)
-    return Flow(wrap(turn + float(x[0])), 1.0 + float(x[1]), float(x[2]), float(x[3]), spread)
+    x, spread = _robust(table, wrap(moved - turn - drift), _FLOW_STD, _LEAST_SPREAD_RAD, 6)
+    more, scale, cos_part, sin_part = (float(value) for value in x)
+    return Flow(wrap(turn + more), 1.0 + scale, cos_part, sin_part, float(spread))
 
 
 def sine_of(angle: Float, drift: Float) -> tuple[float, float]:
     """The cos and the sin part of the drifts of many lines, robustly: what a new line there is likely to do."""
     if angle.size < _FLOW_PAIRS:
         return 0.0, 0.0
-    table = np.stack((np.cos(angle), np.sin(angle)))
-    x, spread = np.zeros(2), np.deg2rad(2.0)
-    for _ in range(4):
-        weight = np.maximum(1.0 - ((drift - x @ table) / (3.0 * spread)) ** 2, 0.0) ** 2
-        normal = (table * weight) @ table.T + np.eye(2) * (spread / np.deg2rad(2.0)) ** 2
-        x = np.linalg.solve(normal, table @ (weight * drift))
-        spread = max(1.4826 * float(np.median(np.abs(drift - x @ table))), _LEAST_SPREAD_RAD)
-    return float(x[0]), float(x[1])
+    (cos_part, sin_part), _ = _robust(
+        np.stack((np.cos(angle), np.sin(angle))), drift, _FLOW_STD[2:], _LEAST_SPREAD_RAD, 4
+    )
+    return float(cos_part), float(sin_part)
 
 
-def common_turn(ahead: Float, D: Float, same_side: NDArray[np.bool_]) -> float | None:
+@compiled
+def _robust(table: Float, value: Float, prior_std: Float, least_spread: float, steps: int) -> tuple[Float, float]:
+    """Robust least squares of value (P,) on the rows of table (K, P); the solution (K,) and the spread about it."""
+    rows, pairs = table.shape
+    x: Float = np.zeros(rows)
+    spread, off = _FIRST_SPREAD_RAD, value.copy()
+    for _ in range(steps):
+        normal, right = np.diag(spread * spread / prior_std**2), np.zeros(rows)
+        for k in range(pairs):
+            weight = max(1.0 - (off[k] / (3.0 * spread)) ** 2, 0.0) ** 2
+            for i in range(rows):
+                right[i] += weight * table[i, k] * value[k]
+                for j in range(rows):
+                    normal[i, j] += weight * table[i, k] * table[j, k]
+        x = np.linalg.solve(normal, right)
+        for k in range(pairs):
+            off[k] = value[k]
+            for i in range(rows):
+                off[k] -= x[i] * table[i, k]
+        spread = max(1.4826 * np.median(np.abs(off)), least_spread)
+    return x, spread
+
+
+def common_turn(angle: Float, predicted: Float, D: Float, polarity: Int, track_polarity: Int) -> float | None:
     """How far all lines have turned together: where the differences of look-alike pairs pile up, rad; None: unclear.
 
-    ahead      (N, T)  rad  bearing of line i less that of track j
-    D          (N, T)       distance of their descriptors
-    same_side  (N, T)       whether their polarities agree
+    angle, polarity            (N,)    of the lines
+    predicted, track_polarity  (T,)    rad, where their tracks would be without the turn
+    D                          (N, T)  distances of their descriptors
     """
-    weight = np.exp(-0.5 * (D / DESCRIPTOR_STD) ** 2) * same_side
-    pair = weight > 0.01
-    delta, weight = ahead[pair], weight[pair]
+    delta, weight = _look_alikes(angle, predicted, D, polarity, track_polarity)
     cell = ((delta / TURN + 0.5) * _TURN_CELLS).astype(np.intp) % _TURN_CELLS
     pile = np.bincount(cell, weights=weight, minlength=_TURN_CELLS)
     for _ in range(3):
-        pile = 0.5 * pile + 0.25 * (np.roll(pile, 1) + np.roll(pile, -1))
+        around = np.concatenate((pile[-1:], pile, pile[:1]))
+        pile = 0.5 * pile + 0.25 * (around[:-2] + around[2:])
     peak = int(np.argmax(pile))
     if pile[peak] < _TURN_EVIDENCE:
         return None
@@ -97,3 +112,18 @@ def common_turn(ahead: Float, D: Float, same_side: NDArray[np.bool_]) -> float |
         if np.sum(near) > 0.0:
             turn = wrap(turn + float(np.sum(near * off) / np.sum(near)))
     return turn
+
+
+@compiled
+def _look_alikes(angle: Float, predicted: Float, D: Float, polarity: Int, track_polarity: Int) -> tuple[Float, Float]:
+    """Differences and weights of the pairs that may be one line."""
+    delta, weight = np.empty(D.size), np.empty(D.size)
+    count = 0
+    for i in range(D.shape[0]):
+        for j in range(D.shape[1]):
+            if polarity[i] == track_polarity[j] and D[i, j] < 3.0 * DESCRIPTOR_STD:
+                off = angle[i] - predicted[j]
+                delta[count] = off - TURN * np.floor(off / TURN + 0.5)
+                weight[count] = np.exp(-0.5 * (D[i, j] / DESCRIPTOR_STD) ** 2)
+                count += 1
+    return delta[:count], weight[:count]

@@ -80,7 +80,7 @@ def _circle(
     if u.size < _MIN_EDGES:
         return None
     start = _accumulator_peak(u, v, radius, int(np.ceil(search))) if search > 0.0 else (0.0, 0.0)
-    fit = _fitted(u, v, start, shape) if refine else _Fit(*start, radius, 0.0, 0.0, 0.5)
+    fit = _fitted(u, v, start, shape, far=search > 0.0) if refine else _Fit(*start, radius, 0.0, 0.0, 0.5)
     quality = _rim_share(u, v, strength, fit.u, fit.v, fit.radius, fit.even, fit.odd, on_rim_px(radius))
     return Circle(center[0] + fit.u, center[1] + fit.v, fit.radius, quality, fit.std, fit.even, fit.odd)
 
@@ -185,7 +185,7 @@ class _Fit(NamedTuple):
     std: float
 
 
-def _fitted(u: Float, v: Float, start: tuple[float, float], shape: Shape) -> _Fit:
+def _fitted(u: Float, v: Float, start: tuple[float, float], shape: Shape, *, far: bool) -> _Fit:
     """Centre and shape by robust least squares on the points near the rim; px, relative to the window's centre.
 
     # Paper: the accumulator's maximum, to the pixel, radius fixed, round. Here: all fitted below the pixel, because the
@@ -197,8 +197,9 @@ def _fitted(u: Float, v: Float, start: tuple[float, float], shape: Shape) -> _Fi
     information = 1.0 / np.square(shape.std_px)
     std = 0.5
     narrowest = on_rim_px(shape.radius_px)
-    width = _WIDTHS[0] * narrowest
-    for wide in (*_WIDTHS[1:], 0.0, 0.0, 0.0):
+    first, *then = _WIDTHS if far else _WIDTHS[1:]
+    width = first * narrowest
+    for wide in (*then, 0.0, 0.0, 0.0):
         normal, right, weight, square, count = _rim_normal(u, v, x, width)
         if count < _MIN_EDGES:
             break

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from omnivert.angles import wrap
+from omnivert.angles import TURN, wrap
+from omnivert.compiled import compiled
 from omnivert.config import Vision
 from omnivert.vision.lines import Lines
 from omnivert.vision.matching import distances, matches
@@ -63,20 +64,9 @@ class _Tracks(NamedTuple):
 
 
 def _no_tracks(length: int) -> _Tracks:
-    none, zero = np.empty(0, dtype=np.int64), np.empty(0)
-    return _Tracks(
-        none,
-        none,
-        none,
-        zero,
-        zero,
-        none,
-        zero,
-        zero,
-        none.astype(np.bool_),
-        np.empty((0, 3)),
-        np.empty((0, length), dtype=np.float32),
-    )
+    whole, real = np.empty(0, dtype=np.int64), np.empty(0)
+    flagged, shape, descriptor = real > 0.0, np.empty((0, 3)), np.empty((0, length), dtype=np.float32)
+    return _Tracks(whole, whole, whole, real, real, whole, real, real, flagged, shape, descriptor)
 
 
 class Tracker:
@@ -132,42 +122,43 @@ class Tracker:
         """
         tracks, frame, vision = self._tracks, self._frame, self._vision
         D = distances(descriptor, tracks.descriptor, vision.dissimilarity, vision.bins)
-        same_side = lines.polarity[:, None] == tracks.polarity[None, :]
-        alike = same_side & (vision.f1 > D)
         recent = np.flatnonzero(tracks.seen >= np.max(tracks.seen, initial=0) - _TURN_FRAMES)
-        moved = wrap(lines.angle_rad[:, None] - tracks.angle[None, :])
-        if lines.angle_rad.size:
-            ahead = wrap(moved[:, recent] - tracks.drift[recent])
-            turn = common_turn(ahead, D[:, recent], same_side[:, recent])
-            self.common_turn_rad = self.common_turn_rad if turn is None else turn
-        flow, unlike = self._flow(D, moved, alike, recent)
+        usual = wrap(tracks.angle + tracks.drift)
+        sides = lines.polarity, tracks.polarity[recent]
+        turn = common_turn(lines.angle_rad, usual[recent], D[:, recent], *sides)
+        self.common_turn_rad = self.common_turn_rad if turn is None else turn  # without evidence it goes on
+        flow, unlike = self._flow(lines, D, wrap(usual + self.common_turn_rad), recent)
         self.common_turn_rad = flow.turn
         drift = flow.of(tracks.angle, tracks.drift)
         tracks = self._tracks = tracks._replace(angle=wrap(tracks.angle + drift + flow.turn), drift=drift)
-        surprise = wrap(moved - (drift + flow.turn))
-        gap = frame - tracks.seen
         young = tracks.seen - tracks.born < _YOUNG_FRAMES
         own = np.hypot(np.where(young, _YOUNG_STD_RAD, _KNOWN_STD_RAD), flow.spread)
-        std = np.minimum(own * np.sqrt(gap), _MAX_STD_RAD)
-        cost = _cost(D / unlike, surprise, std) + _shape_cost(_shapes(lines), tracks.shape)
-        return assigned(cost, alike & (np.abs(surprise) < _GATE_RAD) & (cost < _NEW_COST), _NEW_COST), cost
+        std = np.minimum(own * np.sqrt(frame - tracks.seen), _MAX_STD_RAD)
+        cost = self._costs(lines, D, tracks.angle, std, DESCRIPTOR_STD * unlike)
+        return assigned(cost, np.isfinite(cost), _NEW_COST), cost
 
-    def _flow(self, D: Float, moved: Float, alike: NDArray[np.bool_], recent: NDArray[np.intp]) -> tuple[Flow, float]:
+    def _costs(self, lines: Lines, D: Float, predicted: Float, std: Float, descriptor_std: float) -> Float:
+        tracks = self._tracks
+        known = predicted, std, tracks.polarity, tracks.shape
+        return _costs(D, lines.angle_rad, lines.polarity, _shapes(lines), *known, self._vision.f1, descriptor_std)
+
+    def _flow(self, lines: Lines, D: Float, usual: Float, recent: NDArray[np.intp]) -> tuple[Flow, float]:
         """How lines move since the last frame, and how much their descriptors change, of what is usual, at least 1.
 
+        usual  (T,)  where lines would be if all went on as it was
         Both from pairs that are each other's best within a wide gate.
         """
         tracks, turn = self._tracks, self.common_turn_rad
         if D.size == 0 or recent.size == 0:
             return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
-        off = wrap(moved[:, recent] - turn - tracks.drift[recent])
-        cost = np.where(alike[:, recent], _cost(D[:, recent], off, _LOOSE_STD_RAD), np.inf)
+        cost = self._costs(lines, D, usual, np.full(usual.size, _LOOSE_STD_RAD), DESCRIPTOR_STD)[:, recent]
         best = np.argmin(cost, axis=0)
         pair = np.arange(recent.size)
         sure = (np.argmin(cost, axis=1)[best] == pair) & (cost[best, pair] < _NEW_COST)
         row, track = best[sure], recent[sure]
         unlike = float(np.median(D[row, track])) / _USUAL_DISTANCE if row.size else 1.0
-        return common_flow(turn, tracks.angle[track], tracks.drift[track], moved[row, track]), max(unlike, 1.0)
+        moved = wrap(lines.angle_rad[row] - tracks.angle[track])
+        return common_flow(turn, tracks.angle[track], tracks.drift[track], moved), max(unlike, 1.0)
 
     def _updated(
         self, lines: Lines, descriptor: Float32, match: Int, cost: Float | None, fresh: NDArray[np.bool_]
@@ -239,22 +230,45 @@ def _shapes(lines: Lines) -> Float:
     return np.stack((lines.strength, lines.inner_px, lines.outer_px), axis=1)
 
 
-def _shape_cost(A: Float, B: Float) -> Float:
-    """How unlike lines are in strength and in where they begin and end, of their length; (N, T)."""
-    length = np.maximum(np.maximum(A[:, None, 2] - A[:, None, 1], B[None, :, 2] - B[None, :, 1]), 1.0)
-    ends = ((A[:, None, 1:] - B[None, :, 1:]) / length[..., None] / _ENDS_STD) ** 2
-    strength = ((A[:, None, 0] - B[None, :, 0]) / _STRENGTH_STD) ** 2
-    return np.asarray(np.sum(np.log1p(ends), axis=2) + np.log1p(strength), dtype=np.float64)
+@compiled
+def _costs(
+    D: Float,
+    angle: Float,
+    polarity: Int,
+    shape: Float,
+    predicted: Float,
+    std: Float,
+    track_polarity: Int,
+    track_shape: Float,
+    far: float,
+    descriptor_std: float,
+) -> Float:
+    """-2 log likelihood of pairs, less that of a sure one (N, T): descriptor, bearing, and where lines begin and end.
 
-
-def _cost(D: Float, surprise: Float, std: Float | float) -> Float:
-    """-2 log likelihood of pairs, less that of a sure one."""
-    return np.asarray(
-        (D / DESCRIPTOR_STD) ** 2
-        + _TAIL * np.log1p((surprise / std) ** 2 / _TAIL)
-        + 2.0 * np.log(np.maximum(std / _KNOWN_STD_RAD, 1.0)),
-        dtype=np.float64,
-    )
+    predicted, std  (T,)  rad
+    far                   descriptors farther apart are no pair
+    Infinite where a pair cannot be.
+    """
+    cost = np.full(D.shape, np.inf)
+    for i in range(D.shape[0]):
+        for j in range(D.shape[1]):
+            if polarity[i] != track_polarity[j] or D[i, j] >= far:
+                continue
+            surprise = abs(angle[i] - predicted[j])
+            surprise = min(surprise, TURN - surprise)
+            if surprise >= _GATE_RAD:
+                continue
+            value = (D[i, j] / descriptor_std) ** 2
+            value += _TAIL * np.log1p((surprise / std[j]) ** 2 / _TAIL) + 2.0 * np.log(
+                max(std[j] / _KNOWN_STD_RAD, 1.0)
+            )
+            length = max(shape[i, 2] - shape[i, 1], track_shape[j, 2] - track_shape[j, 1], 1.0) * _ENDS_STD
+            for end in range(1, 3):
+                value += np.log1p(((shape[i, end] - track_shape[j, end]) / length) ** 2)
+            value += np.log1p(((shape[i, 0] - track_shape[j, 0]) / _STRENGTH_STD) ** 2)
+            if value < _NEW_COST:
+                cost[i, j] = value
+    return cost
 
 
 def assigned(cost: Float, allowed: NDArray[np.bool_], new_cost: float) -> Int:
