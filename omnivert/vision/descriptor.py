@@ -15,7 +15,7 @@ Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 _COARSE_SIGMA_PX = 2.25  # after its smoothing a picture may be shrunk until the Gaussian's sigma is this
-_STEP = 1.0 / 7.0  # spacing of the fast descriptor's samples, in radii of the area
+_STEP = 1.0 / 8.0  # spacing of the fast descriptor's samples, in radii of the area
 _ROUNDING = 1e-3  # gradients of a flat area come out this large; they must not be scaled to unit length
 
 
@@ -144,7 +144,7 @@ def _grid_votes(
 ) -> None:
     """A grid in each area that turns with the line votes, on a picture that may have been shrunk.
 
-    # Paper: every pixel, at full size. Here: about 150 samples an area, because after a Gaussian of r_a / 3 the pixels
+    # Paper: every pixel, at full size. Here: about 200 samples an area, because after a Gaussian of r_a / 3 the pixels
     # between them say little new.
     """
     height, width = gradient_u.shape
