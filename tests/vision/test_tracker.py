@@ -145,16 +145,14 @@ def test_no_identity_is_given_twice_whatever_comes(mode: str, seed: int) -> None
         born += new.size
 
 
-def test_the_common_turn_is_where_look_alikes_agree_and_zero_when_nothing_does() -> None:
-    rng = np.random.default_rng(6)
-    angle = rng.uniform(-np.pi, np.pi, 20)
-    ahead = wrap(angle[:, None] + 2.5 - angle[None, :])
+def test_the_common_turn_is_where_look_alikes_agree_and_none_when_nothing_does() -> None:
+    angle = np.random.default_rng(6).uniform(-np.pi, np.pi, 20)
     D = np.where(np.eye(20, dtype=np.bool_), 0.3, 1.3)
-    sides = np.ones((20, 20), dtype=np.bool_)
-    assert common_turn(ahead, D, sides) == pytest.approx(2.5, abs=1e-3)
-    assert common_turn(ahead, np.full((20, 20), 1.5), sides) == 0.0
-    assert common_turn(ahead, D, ~sides) == 0.0
-    assert common_turn(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3), dtype=np.bool_)) == 0.0
+    sides = np.ones(20, dtype=np.int64)
+    assert common_turn(wrap(angle + 2.5), angle, D, sides, sides) == pytest.approx(2.5, abs=1e-3)
+    assert common_turn(wrap(angle + 2.5), angle, np.full((20, 20), 1.5), sides, sides) is None
+    assert common_turn(wrap(angle + 2.5), angle, D, sides, -sides) is None
+    assert common_turn(angle[:0], angle[:3], np.empty((0, 3)), sides[:0], sides[:3]) is None
 
 
 @given(n=st.integers(0, 4), m=st.integers(0, 4), seed=st.integers(0, 1000))
