@@ -16,47 +16,49 @@ from tests.vision.reframing import resized
 from tests.vision.variants import VARIANTS
 
 AS_PLAIN = Limits(
-    recall=0.915,
-    precision=0.93,
-    correct_lines=43.0,
-    right_percent=98.0,
-    false_percent=0.75,
-    new_percent=1.5,
+    recall=0.92,
+    precision=0.90,
+    correct_lines=45.0,
+    right_percent=98.3,
+    false_percent=0.6,
+    new_percent=1.2,
     repeatability=0.97,
-    sigma_mrad=0.9,
-    normalised=(0.65, 1.2),
-    ring_px=0.055,
+    sigma_mrad=0.6,
+    normalised=(0.8, 1.2),
+    ring_px=0.02,
 )
 HELD = {
     "raw": AS_PLAIN,
-    "gain 0.6": replace(AS_PLAIN, correct_lines=37.0),
-    "gain 0.6, truth of 1": replace(AS_PLAIN, recall=0.86, correct_lines=37.0),
-    "gain 1.5": replace(AS_PLAIN, precision=0.915),
+    "gain 0.6": replace(AS_PLAIN, correct_lines=41.0, right_percent=98.0, false_percent=1.0),
+    "gain 0.6, truth of 1": replace(AS_PLAIN, recall=0.89, correct_lines=41.0, right_percent=98.0, false_percent=1.0),
+    "gain 1.5": AS_PLAIN,
     "gain 2.0": replace(
-        AS_PLAIN, recall=0.77, precision=0.89, correct_lines=34.5, sigma_mrad=1.5, normalised=(0.65, 1.9), ring_px=0.14
+        AS_PLAIN, recall=0.77, precision=0.86, correct_lines=35.5, sigma_mrad=1.4, normalised=(0.8, 2.4), ring_px=0.15
     ),
     "gain swelling": AS_PLAIN,
-    "gain flickering": replace(AS_PLAIN, correct_lines=40.0),
-    "gamma 0.7": replace(AS_PLAIN, correct_lines=42.0),
-    "noise 4": replace(AS_PLAIN, precision=0.91),
-    "blur 1": replace(AS_PLAIN, recall=0.87, correct_lines=36.5, sigma_mrad=0.95),
-    "jpeg 60": replace(AS_PLAIN, correct_lines=42.0),
+    "gain flickering": replace(AS_PLAIN, correct_lines=43.0, right_percent=98.0, false_percent=0.8),
+    "gamma 0.7": replace(AS_PLAIN, sigma_mrad=0.75, normalised=(0.8, 1.35)),
+    "noise 4": replace(AS_PLAIN, precision=0.88, sigma_mrad=0.65),
+    "blur 1": replace(AS_PLAIN, recall=0.90, correct_lines=38.0, sigma_mrad=0.95, normalised=(0.8, 1.65)),
+    "jpeg 60": replace(AS_PLAIN, correct_lines=43.5, right_percent=98.0, sigma_mrad=0.8, normalised=(0.8, 1.35)),
     "mirrored": AS_PLAIN,
     "320 x 240": replace(
-        AS_PLAIN, recall=0.895, precision=0.92, correct_lines=39.5, sigma_mrad=1.4, normalised=(0.65, 1.35)
+        AS_PLAIN, recall=0.895, correct_lines=40.0, new_percent=1.5, sigma_mrad=1.5, normalised=(0.8, 1.75)
     ),
-    "1024 x 768": replace(
-        AS_PLAIN, recall=0.885, correct_lines=38.5, false_percent=1.1, repeatability=0.96, ring_px=0.08
-    ),
-    "cut off": replace(AS_PLAIN, recall=0.90, correct_lines=41.5, right_percent=97.4, new_percent=2.5, ring_px=0.065),
-    "glare": replace(AS_PLAIN, recall=0.88, precision=0.92, correct_lines=37.5, right_percent=97.5, false_percent=1.1),
-    "hand on rim": replace(AS_PLAIN, false_percent=0.95),
-    "passing cover": replace(AS_PLAIN, correct_lines=38.0, right_percent=97.0, new_percent=2.6),
-    "half rate": replace(AS_PLAIN, recall=0.89, correct_lines=41.5, right_percent=91.0, new_percent=8.3),
-    "third rate": replace(AS_PLAIN, recall=0.88, correct_lines=41.5, right_percent=76.0, new_percent=23.0),
+    "1024 x 768": AS_PLAIN,
+    "2592 x 1944": replace(AS_PLAIN, false_percent=0.85, ring_px=0.06),
+    "tilted 1 deg": replace(AS_PLAIN, right_percent=98.2, sigma_mrad=0.75, normalised=(0.8, 1.3)),
+    "tilted 3 deg": replace(AS_PLAIN, right_percent=98.0, false_percent=1.0, sigma_mrad=3.0, normalised=(0.8, 3.3)),
+    "stretched 2 %": AS_PLAIN,
+    "cut off": replace(AS_PLAIN, new_percent=1.4, sigma_mrad=0.65),
+    "glare": replace(AS_PLAIN, recall=0.89, correct_lines=39.5, right_percent=98.0, false_percent=0.8),
+    "hand on rim": AS_PLAIN,
+    "passing cover": replace(AS_PLAIN, correct_lines=42.0, right_percent=97.0, new_percent=2.7),
+    "half rate": replace(AS_PLAIN, right_percent=96.0, false_percent=0.8, new_percent=3.3),
+    "third rate": replace(AS_PLAIN, right_percent=83.0, false_percent=1.8, new_percent=15.5),
     "reversed": AS_PLAIN,
-    "moving bar": replace(AS_PLAIN, right_percent=95.3, new_percent=4.4),
-    "crossing": replace(AS_PLAIN, right_percent=94.8, new_percent=5.0, normalised=(0.35, 1.2)),
+    "moving bar": replace(AS_PLAIN, right_percent=97.0, new_percent=2.8),
+    "crossing": replace(AS_PLAIN, right_percent=96.6, new_percent=3.0),
 }
 
 
@@ -73,7 +75,8 @@ def plain(part: Drive) -> Run:
 
 @pytest.mark.parametrize("name", HELD)
 def test_the_figures_hold_when_the_conditions_change(part: Drive, name: str) -> None:
-    assert HELD[name].misses(run(VARIANTS[name](part)).score) == []
+    drive = corridor() if name == "2592 x 1944" else part  # it takes its own part: the end of the straight, too
+    assert HELD[name].misses(run(VARIANTS[name](drive)).score) == []
 
 
 @pytest.mark.parametrize(
