@@ -13,7 +13,7 @@ from omnivert.vision.edges import Array, Edges
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
-_RIM_MARGIN_PX = 2.0  # the rim itself is no line
+RIM_MARGIN_PX = 2.0  # the rim itself is no line
 _WIDE_RAD = np.deg2rad(0.5)  # votes this far on either side of a sector still count for its peak
 _REACH_RAD = np.deg2rad(1.0)  # and this far on either side of a peak belong to its line
 _SAME_RAD = 0.008  # two lines of one polarity that end up this close are one
@@ -67,7 +67,7 @@ def lines_from_edges(
     center, center_std  px
     meeting             px  where the lines meet, from the centre
     """
-    r_max, tolerance = ring.r_max_px - _RIM_MARGIN_PX, vision.edge_tolerance_deg
+    r_max, tolerance = ring.r_max_px - RIM_MARGIN_PX, vision.edge_tolerance_deg
     votes = radial_votes(edges, center, ring.r_min_px, r_max, tolerance, ring.horizon, meeting)
     length = ring.r_max_px - ring.r_min_px
     if vision.mode == "paper":

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.compiled import compiled
 from omnivert.config import MirrorRing
-from omnivert.vision.edges import Array, Edges
-from omnivert.vision.lines import Lines
+from omnivert.vision.edges import Edges
+from omnivert.vision.lines import RIM_MARGIN_PX, Lines, radial_votes, sector_histogram
 
 Float = NDArray[np.float64]
 
@@ -147,10 +146,11 @@ def sharpest_point(
     """The point, from the centre, about which the edge points pile up most; (0, 0) unless another is clearly better."""
     step = max(edges.u_px.size // _COARSE_POINTS, 1)
     some = Edges(*(np.ascontiguousarray(values[::step]) for values in edges))
-    tangent = float(np.tan(np.deg2rad(tolerance_deg)))
+    r_max = ring.r_max_px - RIM_MARGIN_PX
 
     def sharpness(u: float, v: float) -> float:
-        return _sharpness(*some, *center, u, v, ring.r_min_px, ring.r_max_px - 2.0, ring.horizon, tangent)
+        votes = radial_votes(some, center, ring.r_min_px, r_max, tolerance_deg, ring.horizon, (u, v))
+        return float(np.sum(sector_histogram(votes.angle_rad, None, _SECTORS) ** 2))
 
     reach = _SPAN * ring.r_min_px
     best = (0.0, 0.0)
@@ -159,37 +159,3 @@ def sharpest_point(
         best = max(around, key=lambda point: sharpness(*point))
     within = np.hypot(*best) <= 1.05 * reach  # beyond it, what was found is where the search ended
     return best if within and sharpness(*best) > _CLEARER * sharpness(0.0, 0.0) else (0.0, 0.0)
-
-
-@compiled
-def _sharpness(
-    u: Array,
-    v: Array,
-    gradient_u: Array,
-    gradient_v: Array,
-    center_u: float,
-    center_v: float,
-    meeting_u: float,
-    meeting_v: float,
-    r_min: float,
-    r_max: float,
-    horizon: float,
-    tangent: float,
-) -> float:
-    """Sum of squares of the sector histogram about a point."""
-    histogram = np.zeros(_SECTORS)
-    for k in range(u.size):
-        du, dv = np.float64(u[k]) - center_u, np.float64(v[k]) - center_v
-        square = du * du + dv * dv
-        if square < r_min * r_min or square > r_max * r_max:
-            continue
-        from_u, from_v = du - meeting_u, dv - meeting_v
-        if abs(from_u * gradient_u[k] + from_v * gradient_v[k]) > tangent * abs(
-            from_v * gradient_u[k] - from_u * gradient_v[k]
-        ):
-            continue
-        radius = np.sqrt(square)
-        slant = (dv * meeting_u - du * meeting_v) / radius
-        turn = (np.arctan2(-dv, du) - slant * (1.0 / radius - 1.0 / horizon)) / (2.0 * np.pi) + 1.5
-        histogram[int(turn * _SECTORS) % _SECTORS] += 1.0
-    return np.sum(histogram * histogram)

@@ -80,7 +80,7 @@ def _robust(table: Float, value: Float, prior_std: Float, least_spread: float, s
                 right[i] += weight * table[i, k] * value[k]
                 for j in range(rows):
                     normal[i, j] += weight * table[i, k] * table[j, k]
-        x = np.linalg.solve(normal, right)
+        x = np.asarray(np.linalg.solve(normal, right))
         for k in range(pairs):
             off[k] = value[k]
             for i in range(rows):
