@@ -12,13 +12,13 @@ from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
 from omnivert.vision.descriptor import Float32
 from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
 from omnivert.vision.image import Grey, grey_from_frame
-from omnivert.vision.lines import Lines, lines_from_edges, no_lines
+from omnivert.vision.lines import Lines, allowed_for_lean, lines_from_edges, no_lines
 from omnivert.vision.meeting import MeetingFinder
 from omnivert.vision.panorama import line_rows
 from omnivert.vision.ring import RingFinder, RingFound
 from omnivert.vision.tracker import Tracked, Tracker
 
-_WORK_RADIUS_PX = 256.0  # pictures with a larger rim are shrunk to it: their pixels say nothing new about edges
+_WORK_RADIUS_PX = 288.0  # of a larger rim; at 256 px the two sides of thin bars run together, at 320 blur costs lines
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ class FrontEnd:
     def __init__(self, config: Config) -> None:
         self._camera, self._vision = config.camera, config.vision
         self._paper = config.vision.mode == "paper"
-        # Paper: works on the picture as it is. Here: on one whose rim has a radius of 256 pixels at most, because
+        # Paper: works on the picture as it is. Here: on one whose rim has a radius of 288 pixels at most, because
         # a lens spreads its edges over more pixels of a finer sensor, and time would grow with them.
         self._scale = 1.0 if self._paper else min(_WORK_RADIUS_PX / config.ring.r_max_px, 1.0)
         self._ring = _scaled(config.ring, self._scale)
@@ -162,7 +162,7 @@ class FrontEnd:
             self._meeting.search(work.edges, center, vision.edge_tolerance_deg)
         meeting = self._meeting.point
         lines = lines_from_edges(work.edges, center, circle.std_px, self._ring, vision, meeting)
-        work.lines = lines if self._paper else self._meeting.corrected(lines)
+        work.lines = lines if self._paper else allowed_for_lean(self._meeting.corrected(lines), self._ring)
         if work.lines.angle_rad.size == 0:
             work.reasons.append("no lines")
 

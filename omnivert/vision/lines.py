@@ -19,6 +19,7 @@ _REACH_RAD = np.deg2rad(1.0)  # and this far on either side of a peak belong to 
 _SAME_RAD = 0.008  # two lines of one polarity that end up this close are one
 _WIDTHS_PX = np.array((4.0, 2.5, 1.5, 1.0))  # points farther off a line have no say; step after step of the fit
 _ON_LINE_PX = 1.5  # this far off a point still counts for its line's length
+_LEAN_SHARE = 0.22  # of a line's lean that may be an error of its place at the horizon
 _CORRELATED_PX = 4.0  # neighbouring points of an edge share their error over about this many
 
 
@@ -228,7 +229,7 @@ def refined_lines(
     fit = _fits(*votes, owner, angle, _WIDTHS_PX, _ON_LINE_PX, horizon, _CORRELATED_PX)
     angle, std, strength, inner, outer, lean, lean_std, lever = fit
     angle, strength = wrap(angle), strength / length
-    std = np.hypot(np.hypot(std, np.deg2rad(vision.bearing_std_deg)), center_std / (0.5 * length))
+    std = np.hypot(np.hypot(std, np.deg2rad(vision.bearing_std_deg)), center_std / horizon)
     keep = _distinct(angle, polarity, strength) & (strength * length >= least)
     order = np.flatnonzero(keep)
     if order.size > vision.max_lines:
@@ -319,6 +320,14 @@ def _fits(
             if fit[4, i] == 0.0:
                 fit[3, i] = 0.0
     return fit
+
+
+def allowed_for_lean(lines: Lines, ring: MirrorRing) -> Lines:
+    """The lines with sigmas that allow for lean: one that does not run to where lines meet is no single clean edge.
+
+    Of bearings more than 4 sigma off on the corridor, the median line leans by 0.42 px, of the others by 0.19 px.
+    """
+    return lines._replace(std_rad=np.hypot(lines.std_rad, _LEAN_SHARE * np.abs(lines.lean_px) / ring.horizon))
 
 
 def _distinct(angle: Float, polarity: Int, strength: Float) -> NDArray[np.bool_]:

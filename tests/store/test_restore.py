@@ -65,7 +65,7 @@ def test_a_covariance_of_very_unlike_units_is_still_one() -> None:
         ({"encoder": {"ticks_per_rev": 1000}}, "encoder (id, left_sign, right_sign, ticks_per_rev, wheel_diameter_m)"),
         ({"camera": {"bearing_sign": -1}}, "camera (bearing_sign, height_px, id, width_px, stamp_delay_s)"),
         ({"camera": {"stamp_delay_s": 0.016}}, "camera (bearing_sign, height_px, id, width_px, stamp_delay_s)"),
-        ({"ring": {"r_max_px": 230.0}}, "ring (r_max_px, r_min_px)"),
+        ({"ring": {"r_max_px": 230.0}}, "ring (horizon_px, r_max_px, r_min_px)"),
         ({"calibration": {"mode": "paper"}}, "calibration (mode)"),
     ],
 )
