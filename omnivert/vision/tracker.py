@@ -30,7 +30,8 @@ _TAIL = 10.0  # degrees of freedom of Student's t
 _NEW_COST = 14.0  # a pair that costs more is less believable than a new line
 _DRIFT_GAIN = 0.5
 _DRIFT_FADE = 0.8  # of the own motion of a line that is out of sight
-_TURN_FRAMES = 2  # tracks seen this lately, before lines were last seen, vote for turn and flow
+_TURN_FRAMES = 4  # tracks seen this lately, before lines were last seen, vote for turn and flow
+_FLOW_SHARE = 0.3  # of the tracks seen lately, at least, must be found again to tell how lines move
 _QUALITY_GAIN = 0.3
 _MOVING_RAD = np.deg2rad(0.4)  # a frame, against what driving explains; less is noise
 _MOVING_FADE = 0.8
@@ -156,6 +157,8 @@ class Tracker:
         pair = np.arange(recent.size)
         sure = (np.argmin(cost, axis=1)[best] == pair) & (cost[best, pair] < _NEW_COST)
         row, track = best[sure], recent[sure]
+        if row.size < _FLOW_SHARE * recent.size:  # a smeared frame: the few pairs in it are mostly chance
+            return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
         unlike = float(np.median(D[row, track])) / _USUAL_DISTANCE if row.size else 1.0
         moved = wrap(lines.angle_rad[row] - tracks.angle[track])
         return common_flow(turn, tracks.angle[track], tracks.drift[track], moved), max(unlike, 1.0)
