@@ -195,7 +195,7 @@ class Vision(Section):
     """The A_i nearest to B_j must be the one that B_j is nearest to. Not in the paper; only its mode goes by rules."""
     lookback_frames: int = Field(20, ge=1, le=1000)
     """A line without a match is looked for this many frames back (IX-A)."""
-    bearing_std_deg: float = Field(0.020, gt=0.0, le=10.0)
+    bearing_std_deg: float = Field(0.018, gt=0.0, le=10.0)
     """What a bearing's sigma never falls below, however many points its line has [the paper is silent]."""
 
     @model_validator(mode="before")
