@@ -14,9 +14,10 @@ def wrap(angle: float) -> float: ...
 def wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def wrap(angle: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
     """The same direction in (-pi, pi]; rad, any shape."""
-    wrapped = np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), TURN)
-    # mod rounds a tiny negative remainder up to 2 pi itself, which would give -pi.
-    wrapped = np.where(wrapped <= -np.pi, np.pi, wrapped)
+    whole = np.asarray(angle, dtype=np.float64)
+    wrapped = np.minimum(whole - TURN * np.ceil((whole - np.pi) / TURN), np.pi)
+    # Rounding may carry an angle out of the interval, or one that is inside to its other end.
+    wrapped = np.where(np.abs(whole) < np.pi, whole, np.where(wrapped <= -np.pi, np.pi, wrapped))
     return wrapped if isinstance(angle, np.ndarray) else float(wrapped)
 
 

@@ -22,12 +22,17 @@ _LEAST_MAGNITUDE = 1.0  # grey steps x 8; a flat picture has no edges, whatever 
 
 
 class Band(NamedTuple):
-    """The pixels between two distances from a point."""
+    """The pixels between two distances from a point, and which edges there are of use; as it stands, all of them."""
 
     u_px: float
     v_px: float
     inner_px: float
     outer_px: float
+    toward_u_px: float = 0.0  # edges that point here are of use ...
+    toward_v_px: float = 0.0
+    leaning: float = 2.0  # ... to within an angle of which this is the square of the sine
+    rim_px: float = np.inf  # from this distance on edges across the radius are, too ...
+    rim_leaning: float = 0.0  # ... to within an angle of which this is the square of the sine
 
 
 class Edges(NamedTuple):
@@ -57,7 +62,7 @@ def tone_of_light(grey: Grey, band: Band) -> Array:
     # response then moves every edge towards its dark side (robust sigma on the corridor 0.69 mrad, 0.51 so). White is
     # halfway between this picture's and a usual one: dim edges are found, and most noise is not.
     """
-    u, v, inner, outer = band
+    u, v, inner, outer = band[:4]
     some = grey[::_GRID_PX, ::_GRID_PX]
     away = (np.arange(0, grey.shape[0], _GRID_PX)[:, None] - v) ** 2 + (np.arange(0, grey.shape[1], _GRID_PX) - u) ** 2
     inside = some[(away >= inner**2) & (away <= outer**2)]
@@ -77,9 +82,11 @@ class EdgeFinder:
         self._room = np.empty((4, 0), dtype=np.float32)
         self._rows = np.empty((4, 3, 0), dtype=np.float32)
         self._mask = np.empty(0, dtype=np.bool_)
+        self._column = np.empty(0, dtype=np.float32)
+        self._place = np.empty(0, dtype=np.int32)
 
     def step(self, grey: Grey, band: Band, tone: Array = PLAIN) -> Edges:
-        """Points of the band where the gradient's magnitude (eq. 1) has a ridge across the edge.
+        """Points of use in the band where the gradient's magnitude (eq. 1) has a ridge across the edge.
 
         grey  (H, W)  uint8
         tone  (256,)  what the picture's grey values are taken for
@@ -92,9 +99,12 @@ class EdgeFinder:
         if self._rows.shape[2] < width:
             self._rows = np.empty((4, 3, width), dtype=np.float32)
             self._mask = np.empty(width, dtype=np.bool_)
+            self._column = np.arange(width, dtype=np.float32)
+            self._place = np.empty(width + 1, dtype=np.int32)
         if self._room.shape[1] < grey.size // 2:  # of two neighbours across an edge one at most is on the ridge
             self._room = np.empty((4, grey.size // 2 + height), dtype=np.float32)
-        count = _ridges(np.ascontiguousarray(grey), *band, tone, self._least, self._rows, self._mask, self._room)
+        rows = self._rows, self._mask, self._column, self._place
+        count = _ridges(np.ascontiguousarray(grey), *band, tone, self._least, *rows, self._room)
         return Edges(*self._room[:, :count])
 
 
@@ -110,10 +120,17 @@ def _ridges(
     center_v: float,
     inner: float,
     outer: float,
+    toward_u: float,
+    toward_v: float,
+    leaning: float,
+    rim: float,
+    rim_leaning: float,
     tone: Array,
     least: float,
     rows: Array,
     mask: NDArray[np.bool_],
+    column: Array,
+    place: NDArray[np.int32],
     room: Array,
 ) -> int:
     """Writes u, v and both gradients of every ridge point into `room`, and tells how many there are.
@@ -160,20 +177,20 @@ def _ridges(
                 least_square,
                 ridge,
             )
-            for k in range(ridge.size):
-                if not ridge[k]:
-                    continue
-                u = first + k
-                gradient_u, gradient_v = here[0, u], here[1, u]
-                along_u = abs(gradient_u) >= abs(gradient_v)
-                low, high = (here[2, u - 1], here[2, u + 1]) if along_u else (before[2, u], after[2, u])
-                a, m, b = np.sqrt(low), np.sqrt(here[2, u]), np.sqrt(high)
-                offset = np.float32(0.5) * (a - b) / min(a - m - m + b, np.float32(-1e-6))
-                room[0, count] = u + offset if along_u else u
-                room[1, count] = v if along_u else v + offset
-                room[2, count] = gradient_u
-                room[3, count] = gradient_v
-                count += 1
+            _of_use(
+                here[0, first:],
+                here[1, first:],
+                column[first:],
+                np.float32(v - toward_v),
+                np.float32(toward_u),
+                np.float32(leaning),
+                np.float32(v - center_v),
+                np.float32(center_u),
+                np.float32(rim * rim),
+                np.float32(1.0 - rim_leaning),
+                ridge,
+            )
+            count += _points(before, here, after, first, np.float32(v), ridge, place, room[:, count:])
     return count
 
 
@@ -195,6 +212,66 @@ def _ridge_row(
         across_v = (square >= above[k]) & (square > below[k])
         u, v = abs(gradient_u[k]), abs(gradient_v[k])
         ridge[k] = (square > least) & (((u >= v) & across_u) | ((u < v) & across_v))
+
+
+@compiled
+def _points(
+    before: Array,
+    here: Array,
+    after: Array,
+    first: int,
+    v: np.float32,
+    ridge: NDArray[np.bool_],
+    place: NDArray[np.int32],
+    room: Array,
+) -> int:
+    """Writes u, v and both gradients of a row's marked pixels, the parabola's top across the edge; their number."""
+    count = 0
+    for k in range(ridge.size):  # without a branch: marks come and go too fast to be guessed
+        place[count] = first + k
+        count += ridge[k]
+    out_u, out_v, out_gradient_u, out_gradient_v = room[0], room[1], room[2], room[3]
+    for i in range(count):
+        u = place[i]
+        gradient_u, gradient_v = here[0, u], here[1, u]
+        along_u = abs(gradient_u) >= abs(gradient_v)
+        out_u[i], out_v[i] = (here[2, u - 1], here[2, u + 1]) if along_u else (before[2, u], after[2, u])
+        out_gradient_u[i], out_gradient_v[i] = gradient_u, gradient_v
+    for i in range(count):
+        gradient_u, gradient_v = out_gradient_u[i], out_gradient_v[i]
+        a, b = np.sqrt(out_u[i]), np.sqrt(out_v[i])
+        m = np.sqrt(gradient_u * gradient_u + gradient_v * gradient_v)
+        offset = np.float32(0.5) * (a - b) / min(a - m - m + b, np.float32(-1e-6))
+        along_u = abs(gradient_u) >= abs(gradient_v)
+        out_u[i] = np.float32(place[i]) + (offset if along_u else np.float32(0.0))
+        out_v[i] = v + (np.float32(0.0) if along_u else offset)
+    return count
+
+
+@compiled
+def _of_use(
+    gradient_u: Array,
+    gradient_v: Array,
+    column: Array,
+    toward_dv: np.float32,
+    toward_u: np.float32,
+    leaning: np.float32,
+    center_dv: np.float32,
+    center_u: np.float32,
+    rim_square: np.float32,
+    across: np.float32,
+    ridge: NDArray[np.bool_],
+) -> None:
+    """Takes the mark from the pixels of a row whose edge neither points where lines point nor lies across the rim."""
+    for k in range(ridge.size):
+        gu, gv = gradient_u[k], gradient_v[k]
+        square = gu * gu + gv * gv
+        du, radial_u = column[k] - toward_u, column[k] - center_u
+        along, radial = du * gu + toward_dv * gv, radial_u * gu + center_dv * gv
+        away = radial_u * radial_u + center_dv * center_dv
+        points = along * along <= leaning * square * (du * du + toward_dv * toward_dv)
+        rim = (away >= rim_square) & (radial * radial >= across * square * away)
+        ridge[k] = ridge[k] & (points | rim)
 
 
 @compiled

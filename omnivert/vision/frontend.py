@@ -134,7 +134,8 @@ class FrontEnd:
 
     def _find_edges(self, work: Work) -> None:
         if work.grey is not None:
-            band = self._finder.band
+            meeting = self._meeting.point if self._meeting.begun else None
+            band = self._finder.band(meeting, self._vision.edge_tolerance_deg)
             work.tone = PLAIN if self._paper else tone_of_light(work.grey, band)
             work.edges = self._edges.step(work.grey, band, work.tone)
 

@@ -52,6 +52,11 @@ class MeetingFinder:
         self._used = False
 
     @property
+    def begun(self) -> bool:
+        """The search over all the ring has been; edges that point elsewhere are of no more use."""
+        return self._searched
+
+    @property
     def known(self) -> Meeting | None:
         """The point as known so far; None until lines have been seen."""
         if not self._searched:

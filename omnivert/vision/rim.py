@@ -23,6 +23,7 @@ _CORRELATED = 3.0  # neighbouring points share their errors: the claimed sigma i
 _MIN_EDGES = 30
 _WIDTHS = (3.3, 2.0, 1.3)  # points farther off the rim have no say; step after step, of what lies on it
 _TAIL = 3.0  # sigmas, in the last steps
+_SETTLED_PX = 0.003
 _BEST_PX = 0.05  # no edge point is better than this
 
 
@@ -73,9 +74,8 @@ def _circle(
     edges: Edges, center: tuple[float, float], shape: Shape, search: float, lean: float, *, refine: bool
 ) -> Circle | None:
     radius = shape.radius_px
-    # Seen from a centre that is off by so much, the rim's gradients lean by up to this more.
-    along = float(np.cos(min(np.arccos(_ALONG) + lean / radius, 0.5 * np.pi)))
-    rim = _rim_edges(*edges, *center, radius, lean + RIM_BAND * on_rim_px(radius), along)
+    reach, leaning = rim_zone(radius, lean)
+    rim = _rim_edges(*edges, *center, radius, reach, 1.0 - leaning)
     u, v, strength = rim
     if u.size < _MIN_EDGES:
         return None
@@ -83,6 +83,13 @@ def _circle(
     fit = _fitted(u, v, start, shape, far=search > 0.0) if refine else _Fit(*start, radius, 0.0, 0.0, 0.5)
     quality = _rim_share(u, v, strength, fit.u, fit.v, fit.radius, fit.even, fit.odd, on_rim_px(radius))
     return Circle(center[0] + fit.u, center[1] + fit.v, fit.radius, quality, fit.std, fit.even, fit.odd)
+
+
+def rim_zone(radius: float, off: float) -> tuple[float, float]:
+    """Where a rim's edges are, seen from a centre that may be off by so much: how far from the radius, px, and how
+    far their gradients turn from it, the square of the sine."""
+    angle = min(np.arccos(_ALONG) + off / radius, 0.5 * np.pi)
+    return off + RIM_BAND * on_rim_px(radius), float(np.sin(angle)) ** 2
 
 
 def circle_anywhere(edges: Edges, shape: Shape, *, refine: bool = True) -> Circle | None:
@@ -128,6 +135,8 @@ def _rim_edges(
     """Edges that may lie on the rim, relative to the centre: u, v, strength (3, N).
 
     They are about the right distance from the centre, and their gradient runs along the radius.
+
+    along  least square of the cosine between gradient and radius
     """
     low, high = max(radius - reach, 0.0) ** 2, (radius + reach) ** 2
     kept = np.empty((3, u.size))
@@ -140,7 +149,7 @@ def _rim_edges(
         gu, gv = np.float64(gradient_u[k]), np.float64(gradient_v[k])
         strength = gu * gu + gv * gv
         radial = du * gu + dv * gv
-        if radial * radial < along * along * square * strength:
+        if radial * radial < along * square * strength:
             continue
         kept[0, count], kept[1, count], kept[2, count] = du, dv, np.sqrt(strength)
         count += 1
@@ -211,8 +220,11 @@ def _fitted(u: Float, v: Float, start: tuple[float, float], shape: Shape, *, far
         right[2:] += variance * information * (known - x[2:])
         normal += np.eye(5) * 1e-6
         inverse = np.linalg.inv(normal)
-        x = x + inverse @ right
+        step = inverse @ right
+        x = x + step
         std = float(np.sqrt(variance * np.max(np.diag(inverse)[:2])))
+        if wide == 0.0 and np.max(np.abs(step)) < _SETTLED_PX:
+            break
     u0, v0, radius, even, odd = (float(value) for value in x)
     return _Fit(u0, v0, radius, even, odd, min(max(std, 1e-3), radius))
 
@@ -235,12 +247,16 @@ def _rim_normal(u: Float, v: Float, x: Float, width: float) -> tuple[Float, Floa
         weight = near * near
         slope[0], slope[1], slope[2], slope[3], slope[4] = cos, sin, 1.0, even, odd
         for i in range(5):
-            right[i] += weight * e * slope[i]
-            for j in range(5):
-                normal[i, j] += weight * slope[i] * slope[j]
+            part = weight * slope[i]
+            right[i] += part * e
+            for j in range(i, 5):
+                normal[i, j] += part * slope[j]
         sum_weight += weight
         sum_square += weight * e * e
         count += 1
+    for i in range(5):
+        for j in range(i):
+            normal[i, j] = normal[j, i]
     return normal, right, sum_weight, sum_square, count
 
 

@@ -16,6 +16,7 @@ from omnivert.vision.rim import (
     circle_near,
     configured_shape,
     on_rim_px,
+    rim_zone,
 )
 
 _SHAKE_PX = 1.0  # how far a lost rim may have moved, each frame
@@ -47,10 +48,25 @@ class RingFinder:
         self._good: Circle | None = None
         self._lost_frames = 0
 
-    @property
-    def band(self) -> Band:
-        """The part of the picture whose edges the next frame needs first."""
-        return self._band(self._search)
+    def band(self, meeting: tuple[float, float] | None, tolerance_deg: float) -> Band:
+        """The part of the picture whose edges the next frame needs first.
+
+        meeting        px  where lines meet, from the centre; None: that is not known yet
+        tolerance_deg      edges that point there within this may be lines
+        """
+        band = self._band(self._search)
+        if meeting is None or not self._just_seen:
+            return band
+        # The centre may move by a step until then, which turns everything about it.
+        turned = np.deg2rad(tolerance_deg) + np.arcsin(min(_STEP_PX / max(self._ring.r_min_px, 1e-9), 1.0))
+        reach, rim_leaning = rim_zone(self._shape.radius_px, 1.5 * self._search)
+        return band._replace(
+            toward_u_px=band.u_px + meeting[0],
+            toward_v_px=band.v_px + meeting[1],
+            leaning=float(np.sin(min(turned, 0.5 * np.pi))) ** 2,
+            rim_px=self._shape.radius_px - reach,
+            rim_leaning=rim_leaning,
+        )
 
     def step(self, edges: Edges, edges_of: Callable[[Band | None], Edges]) -> RingFound | None:
         """This frame's rim, or the last good one held with growing sigma, or None when there is none to hold.
@@ -62,7 +78,7 @@ class RingFinder:
         vision, shape = self._vision, self._shape
         refine = vision.mode != "paper"
         circle = None
-        if refine and self._good is not None and self._lost_frames == 0:
+        if refine and self._good is not None and self._just_seen:
             circle = circle_here(edges, (self._good.u_px, self._good.v_px), shape, _STEP_PX)
             if circle is not None and circle.quality < _STILL * self._good.quality:
                 circle = None
@@ -91,8 +107,11 @@ class RingFinder:
 
     @property
     def _search(self) -> float:
-        just_seen = self._good is not None and self._lost_frames == 0
-        return min(_STEP_PX, self._vision.ring_search_px) if just_seen else self._vision.ring_search_px
+        return min(_STEP_PX, self._vision.ring_search_px) if self._just_seen else self._vision.ring_search_px
+
+    @property
+    def _just_seen(self) -> bool:
+        return self._good is not None and self._lost_frames == 0
 
     def _band(self, search: float) -> Band:
         radius = self._shape.radius_px

@@ -117,7 +117,7 @@ def test_the_finder_follows_holds_lets_go_and_finds_again(scene: Scene) -> None:
     assert again is not None
     assert again.reason == ""
     assert abs(again.circle.u_px - 400.0) < 0.1
-    assert finder.band[:2] == again.circle[:2]
+    assert finder.band(None, 20.0)[:2] == again.circle[:2]
 
 
 def test_a_ring_that_never_was_there_is_nothing_to_hold() -> None:
