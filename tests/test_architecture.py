@@ -30,6 +30,7 @@ VISION = (
     "ring",
     "lines",
     "meeting",
+    "doubt",
     "descriptor",
     "dissimilarity",
     "panorama",

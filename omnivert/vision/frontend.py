@@ -10,9 +10,10 @@ from omnivert.angles import wrap
 from omnivert.config import Config, MirrorRing
 from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
 from omnivert.vision.descriptor import Float32
+from omnivert.vision.doubt import allowed_for_clipping, allowed_for_lean
 from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
 from omnivert.vision.image import Grey, grey_from_frame
-from omnivert.vision.lines import Lines, allowed_for_lean, lines_from_edges, no_lines
+from omnivert.vision.lines import Lines, lines_from_edges, no_lines
 from omnivert.vision.meeting import MeetingFinder
 from omnivert.vision.panorama import line_rows
 from omnivert.vision.ring import RingFinder, RingFound
@@ -155,7 +156,7 @@ class FrontEnd:
             work.reasons.append(work.found.reason)
 
     def _find_lines(self, work: Work) -> None:
-        if work.edges is None or work.found is None:
+        if work.grey is None or work.edges is None or work.found is None:
             return
         circle, vision = work.found.circle, self._vision
         center = (circle.u_px, circle.v_px)
@@ -163,7 +164,10 @@ class FrontEnd:
             self._meeting.search(work.edges, center, vision.edge_tolerance_deg)
         meeting = self._meeting.point
         lines = lines_from_edges(work.edges, center, circle.std_px, self._ring, vision, meeting)
-        work.lines = lines if self._paper else allowed_for_lean(self._meeting.corrected(lines), self._ring)
+        if not self._paper:
+            lines = allowed_for_lean(self._meeting.corrected(lines), self._ring)
+            lines = allowed_for_clipping(lines, work.grey, center, self._ring)
+        work.lines = lines
         if work.lines.angle_rad.size == 0:
             work.reasons.append("no lines")
 

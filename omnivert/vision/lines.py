@@ -19,7 +19,6 @@ _REACH_RAD = np.deg2rad(1.0)  # and this far on either side of a peak belong to 
 _SAME_RAD = 0.008  # two lines of one polarity that end up this close are one
 _WIDTHS_PX = np.array((4.0, 2.5, 1.5, 1.0))  # points farther off a line have no say; step after step of the fit
 _ON_LINE_PX = 1.5  # this far off a point still counts for its line's length
-_LEAN_SHARE = 0.22  # of a line's lean that may be an error of its place at the horizon
 _CORRELATED_PX = 4.0  # neighbouring points of an edge share their error over about this many
 
 
@@ -320,14 +319,6 @@ def _fits(
             if fit[4, i] == 0.0:
                 fit[3, i] = 0.0
     return fit
-
-
-def allowed_for_lean(lines: Lines, ring: MirrorRing) -> Lines:
-    """The lines with sigmas that allow for lean: one that does not run to where lines meet is no single clean edge.
-
-    Of bearings more than 4 sigma off on the corridor, the median line leans by 0.42 px, of the others by 0.19 px.
-    """
-    return lines._replace(std_rad=np.hypot(lines.std_rad, _LEAN_SHARE * np.abs(lines.lean_px) / ring.horizon))
 
 
 def _distinct(angle: Float, polarity: Int, strength: Float) -> NDArray[np.bool_]:

@@ -4,24 +4,29 @@ A tilted mirror shows a vertical line off the ring's centre, by the same vector 
 small: they meet in a point. At the horizon, where level rays appear, a tilt does not show, so bearings are read there.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
+from omnivert.compiled import compiled
 from omnivert.config import MirrorRing
 from omnivert.vision.edges import Edges
 from omnivert.vision.lines import RIM_MARGIN_PX, Lines, radial_votes, sector_histogram
 
 Float = NDArray[np.float64]
 
-_FADE = 0.97  # of what older frames say, each frame
+_FADE = 0.99  # of what older frames say, each frame
 _LEAST_LINES = 5
-_NOD_GAIN = 0.05
 _LOOSE_PX = 0.5  # how far off its point a line passes that is not quite straight
 _TAIL = 4.0  # sigmas from which a line loses its say
-_PRIOR_PX = 10.0
+_PRIOR_PX = 10.0  # nothing is known of where lines meet
+_NOD_PX = 0.3  # by so much a robot is taken to nod before it has been seen to ...
+_NOD_FRAMES = 2.0  # ... which counts for so many frames
+_NOD_LASTS = 8.0  # frames; neighbouring ones nod alike, so that their mean is known the worse
+_EQUAL_PX = 1.0  # frames that know the point better than this count alike, as their own nodding is in it
 _USED_PX = 1.0 / 500.0  # of Rmax: a point nearer to the centre is the centre
 _SURE = 4.0  # sigmas
 _SPAN = 0.9  # of Rmin: how far from the centre the first search looks
@@ -45,10 +50,8 @@ class MeetingFinder:
     def __init__(self, ring: MirrorRing) -> None:
         self._ring = ring
         self._searched = False
-        self._information = np.eye(2) / _PRIOR_PX**2
-        self._vector = np.zeros(2)
-        self._nodding = 0.0  # variance between frames, px^2
-        self._now = np.zeros(2)
+        self._seen = _Sums()
+        self._now, self._now_std = (0.0, 0.0), _PRIOR_PX
         self._used = False
 
     @property
@@ -61,17 +64,14 @@ class MeetingFinder:
         """The point as known so far; None until lines have been seen."""
         if not self._searched:
             return None
-        mean, covariance = self._mean()
-        u, v = self._now if self._used else mean
-        return Meeting(float(u), float(v), float(np.sqrt(np.max(np.diag(covariance)))), self._used)
+        seen = self._seen
+        (u, v), std = (self._now, self._now_std) if self._used else (seen.mean, np.sqrt(seen.mean_variance))
+        return Meeting(u, v, float(std), self._used)
 
     @property
     def point(self) -> tuple[float, float]:
         """Where lines are taken to meet in the next frame."""
-        if not self._used:
-            return 0.0, 0.0
-        u, v = self._mean()[0]
-        return float(u), float(v)
+        return self._seen.mean if self._used else (0.0, 0.0)
 
     def search(self, edges: Edges, center: tuple[float, float], tolerance_deg: float) -> None:
         """Begins, on the first frame that shows a ring, at the point about which its edges are sharpest."""
@@ -81,9 +81,8 @@ class MeetingFinder:
         u, v = sharpest_point(edges, center, self._ring, tolerance_deg)
         if (u, v) != (0.0, 0.0):
             self._used = True
-            self._information = np.eye(2) / (0.1 * _SPAN * self._ring.r_min_px) ** 2
-            self._now = np.array((u, v))
-            self._vector = self._information @ self._now
+            self._now, self._now_std = (u, v), 0.1 * _SPAN * self._ring.r_min_px
+            self._seen.add(u, v, self._now_std**2)
 
     def corrected(self, lines: Lines) -> Lines:
         """The lines as this frame's own meeting point has them, which is learnt from by how much each of them leans.
@@ -91,58 +90,109 @@ class MeetingFinder:
         The mean over the frames is the tilt that the camera is mounted with; what frames differ by, the robot's
         nodding. A frame's own point is believed against the mean as far as frames are seen to differ.
         """
-        use = np.isfinite(lines.lean_std_px)
-        if np.count_nonzero(use) < _LEAST_LINES:
+        off, information, count = _common_lean(lines.angle_rad, lines.lean_px, lines.lean_std_px)
+        if count < _LEAST_LINES:
             return lines
-        off, information = _common_lean(lines.angle_rad[use], lines.lean_px[use], lines.lean_std_px[use])
-        before = np.array(self.point)
+        seen, (u, v) = self._seen, self.point
         covariance = np.linalg.inv(information + np.eye(2) / _PRIOR_PX**2)
-        mean, mean_covariance = self._mean()
-        surprise = before + off - mean
-        extra = float(np.mean(surprise**2 - np.diag(covariance) - np.diag(mean_covariance)))
-        self._nodding = max(self._nodding + _NOD_GAIN * (extra - self._nodding), 0.0)
-        weight = np.linalg.inv(covariance + np.eye(2) * self._nodding)
-        self._information = _FADE * self._information + weight
-        self._vector = _FADE * self._vector + weight @ (before + off)
+        seen.add(u + off[0], v + off[1], 0.5 * float(np.trace(covariance)))
         self._decide()
         if not self._used:
             return lines
-        mean, mean_covariance = self._mean()
-        prior = np.linalg.inv(mean_covariance + np.eye(2) * self._nodding)
-        covariance = np.linalg.inv(information + prior)
-        self._now = covariance @ (information @ (before + off) + prior @ mean)
-        change = self._now - before
-        slant = -np.sin(lines.angle_rad) * change[0] - np.cos(lines.angle_rad) * change[1]
-        std = np.hypot(lines.std_rad, lines.lever * np.sqrt(np.max(np.diag(covariance))))
+        prior = 1.0 / (seen.mean_variance + seen.nodding)
+        covariance = np.linalg.inv(information + np.eye(2) * prior)
+        shown = np.array((u, v)) + off
+        now = covariance @ (information @ shown + prior * np.array(seen.mean))
+        self._now, self._now_std = (float(now[0]), float(now[1])), float(np.sqrt(0.5 * np.trace(covariance)))
+        slant = -np.sin(lines.angle_rad) * (now[0] - u) - np.cos(lines.angle_rad) * (now[1] - v)
         return lines._replace(
             angle_rad=wrap(lines.angle_rad - slant * lines.lever),
-            std_rad=std,
+            std_rad=np.hypot(lines.std_rad, lines.lever * self._now_std),
             slant_px=lines.slant_px + slant,
             lean_px=lines.lean_px - slant,
         )
 
-    def _mean(self) -> tuple[Float, Float]:
-        covariance = np.asarray(np.linalg.inv(self._information), dtype=np.float64)
-        return covariance @ self._vector, covariance
-
     def _decide(self) -> None:
-        mean, covariance = self._mean()
-        shift = float(np.hypot(*mean)) + np.sqrt(self._nodding)
-        least = max(_USED_PX * self._ring.r_max_px, _SURE * float(np.sqrt(np.max(np.diag(covariance)))))
+        seen = self._seen
+        shift = float(np.hypot(*seen.mean)) + np.sqrt(seen.nodding)
+        least = max(_USED_PX * self._ring.r_max_px, _SURE * float(np.sqrt(seen.mean_variance)))
         self._used = bool(shift > (0.5 * least if self._used else least))
 
 
-def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float]:
-    """The shift of the meeting point that explains how lines lean, robustly: px (2,), and its information (2, 2)."""
-    normal = np.stack((-np.sin(angle), -np.cos(angle)))
-    variance = std**2 + _LOOSE_PX**2
+@dataclass(slots=True)
+class _Sums:
+    """Faded sums over the frames: what the point was in each, and how well that was known."""
+
+    weight: float = 0.0
+    weight_square: float = 0.0
+    u: float = 0.0
+    v: float = 0.0
+    square: float = 0.0
+    variance: float = 0.0
+
+    def add(self, u: float, v: float, variance: float) -> None:
+        """A frame's point, px, and its variance on each axis, px^2."""
+        weight = 1.0 / (variance + _EQUAL_PX**2)
+        self.weight = _FADE * self.weight + weight
+        self.weight_square = _FADE**2 * self.weight_square + weight**2
+        self.u = _FADE * self.u + weight * u
+        self.v = _FADE * self.v + weight * v
+        self.square = _FADE * self.square + weight * 0.5 * (u * u + v * v)
+        self.variance = _FADE * self.variance + weight * variance
+
+    @property
+    def mean(self) -> tuple[float, float]:
+        return (self.u / self.weight, self.v / self.weight) if self.weight > 0.0 else (0.0, 0.0)
+
+    @property
+    def frames(self) -> float:
+        """How many equal frames would say as much."""
+        return self.weight**2 / self.weight_square if self.weight > 0.0 else 0.0
+
+    @property
+    def nodding(self) -> float:
+        """Variance of the point between frames on each axis, beyond what they know it to, px^2."""
+        n, (u, v) = self.frames, self.mean
+        more = 0.0
+        if n > 1.0:
+            scatter = max(self.square / self.weight - 0.5 * (u * u + v * v), 0.0) * n / (n - 1.0)
+            more = max(scatter - self.variance / self.weight, 0.0)
+        return (max(n - 1.0, 0.0) * more + _NOD_FRAMES * _NOD_PX**2) / (max(n - 1.0, 0.0) + _NOD_FRAMES)
+
+    @property
+    def mean_variance(self) -> float:
+        """Of the mean on each axis, px^2."""
+        if self.weight == 0.0:
+            return _PRIOR_PX**2
+        return (self.variance / self.weight + min(_NOD_LASTS, self.frames) * self.nodding) / self.frames
+
+
+@compiled
+def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float, int]:
+    """The shift of the meeting point that explains how lines lean, robustly: px (2,), its information (2, 2); lines."""
+    normal_u, normal_v = -np.sin(angle), -np.cos(angle)
     off, information = np.zeros(2), np.zeros((2, 2))
+    count = 0
     for _ in range(4):
-        rest = lean - normal.T @ off
-        weight = np.maximum(1.0 - rest**2 / (variance * _TAIL**2), 0.0) ** 2 / variance
-        information = (normal * weight) @ normal.T
-        off = np.linalg.solve(information + np.eye(2) * 1e-6, normal @ (weight * lean))
-    return off, information
+        a = b = d = p = q = 0.0
+        count = 0
+        for k in range(angle.size):
+            if not np.isfinite(std[k]):
+                continue
+            count += 1
+            variance = std[k] * std[k] + _LOOSE_PX * _LOOSE_PX
+            rest = lean[k] - normal_u[k] * off[0] - normal_v[k] * off[1]
+            near = max(1.0 - rest * rest / (variance * _TAIL * _TAIL), 0.0)
+            weight = near * near / variance
+            a += weight * normal_u[k] * normal_u[k]
+            b += weight * normal_u[k] * normal_v[k]
+            d += weight * normal_v[k] * normal_v[k]
+            p += weight * normal_u[k] * lean[k]
+            q += weight * normal_v[k] * lean[k]
+        information[0, 0], information[0, 1], information[1, 0], information[1, 1] = a, b, b, d
+        determinant = (a + 1e-6) * (d + 1e-6) - b * b
+        off[0], off[1] = ((d + 1e-6) * p - b * q) / determinant, ((a + 1e-6) * q - b * p) / determinant
+    return off, information, count
 
 
 def sharpest_point(
