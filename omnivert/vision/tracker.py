@@ -34,6 +34,7 @@ _TURN_FRAMES = 4  # tracks seen this lately, before lines were last seen, vote f
 _FLOW_SHARE = 0.3  # of the tracks seen lately, at least, must be found again to tell how lines move
 _QUALITY_GAIN = 0.3
 _MOVING_RAD = np.deg2rad(0.4)  # a frame, against what driving explains; less is noise
+_NEAR_TIMES = 4.0  # the fastest line of the static world drifts so many times as fast as most
 _MOVING_FADE = 0.8
 _MOVING_ON, _MOVING_OFF = 2.0, 0.8  # how many frames' evidence, faded, flags a line as moving, and no longer does
 
@@ -132,7 +133,7 @@ class Tracker:
         self.common_turn_rad = flow.turn
         drift = flow.of(tracks.angle, tracks.drift)
         tracks = self._tracks = tracks._replace(angle=wrap(tracks.angle + drift + flow.turn), drift=drift)
-        young = tracks.seen - tracks.born < _YOUNG_FRAMES
+        young = (tracks.seen - tracks.born < _YOUNG_FRAMES) | (tracks.moving > 0.5)
         own = np.hypot(np.where(young, _YOUNG_STD_RAD, _KNOWN_STD_RAD), flow.spread)
         std = np.minimum(own * np.sqrt(frame - tracks.seen), _MAX_STD_RAD)
         cost = self._costs(lines, D, tracks.angle, std, DESCRIPTOR_STD * unlike)
@@ -213,13 +214,15 @@ class Tracker:
     def _moving(
         self, angle: Float, drift: Float, track: Int, wave: tuple[float, float]
     ) -> tuple[Float, NDArray[np.bool_]]:
-        """Evidence that lines move, and which are flagged: they drift where driving turns nothing, or the other way.
+        """Evidence that lines move, and which are flagged: they drift against what driving does there, or by far more.
 
-        A near line of the static world drifts faster than the others, a far one slower, none against them.
+        A near line of the static world drifts faster than the others, a far one slower; none against them, and none
+        many times as fast, because a robot keeps its distance from walls.
         """
         tracks = self._tracks
         usual = wave[0] * np.cos(angle) + wave[1] * np.sin(angle)
-        against = np.where(drift * usual > 0.0, np.abs(drift) * (np.hypot(*wave) < 0.25 * _MOVING_RAD), np.abs(drift))
+        with_it = np.where(drift * usual > 0.0, _NEAR_TIMES * np.hypot(*wave), 0.0)
+        against = np.abs(drift) - with_it
         evidence = np.zeros(angle.size)
         evidence[track] = against[track] > _MOVING_RAD
         seen = np.zeros(angle.size, dtype=np.bool_)
