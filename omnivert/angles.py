@@ -14,11 +14,12 @@ def wrap(angle: float) -> float: ...
 def wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def wrap(angle: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
     """The same direction in (-pi, pi]; rad, any shape."""
+    if not isinstance(angle, np.ndarray):
+        wrapped = angle - TURN * float(np.rint(angle / TURN))  # half a turn is rounded to none
+        return np.pi if wrapped <= -np.pi else min(wrapped, np.pi)
     whole = np.asarray(angle, dtype=np.float64)
-    wrapped = np.minimum(whole - TURN * np.ceil((whole - np.pi) / TURN), np.pi)
-    # Rounding may carry an angle out of the interval, or one that is inside to its other end.
-    wrapped = np.where(np.abs(whole) < np.pi, whole, np.where(wrapped <= -np.pi, np.pi, wrapped))
-    return wrapped if isinstance(angle, np.ndarray) else float(wrapped)
+    turned = whole - TURN * np.rint(whole / TURN)
+    return np.where(turned <= -np.pi, np.pi, np.minimum(turned, np.pi))
 
 
 def mean(angles: ArrayLike, weights: ArrayLike | None = None) -> float:

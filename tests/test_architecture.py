@@ -36,6 +36,7 @@ VISION = (
     "panorama",
     "matching",
     "motion",
+    "assignment",
     "tracker",
     "frontend",
 )  # data order, too

@@ -57,8 +57,11 @@ def descriptors(
     else:
         framed = np.asarray(cv2.copyMakeBorder(field.gradient, 1, 2, 1, 2, cv2.BORDER_CONSTANT), dtype=np.float32)
         _grid_votes(framed, *at, field.scale, direction, r_a, distance, _GRID, votes)
-    H = votes.reshape(angle_rad.size, distance.size, 2 * vision.bins)
-    return _unit(np.minimum(_unit(H), vision.clip)).reshape(angle_rad.size, -1).astype(np.float32)  # eq. 4
+    H = votes.reshape(angle_rad.size * distance.size, 2 * vision.bins)
+    _to_unit(H)
+    np.minimum(H, vision.clip, out=H)
+    _to_unit(H)  # eq. 4
+    return H.reshape(angle_rad.size, -1).astype(np.float32)
 
 
 def area_radii(ring: MirrorRing, areas: int) -> tuple[float, Float]:
@@ -67,7 +70,7 @@ def area_radii(ring: MirrorRing, areas: int) -> tuple[float, Float]:
     Three areas touch each other; five have the same radius and overlap by half.
     """
     r_a = (ring.r_max_px - ring.r_min_px) / 6.0
-    return r_a, ring.r_min_px + r_a * np.linspace(1.0, 5.0, areas)
+    return r_a, ring.r_min_px + r_a * (1.0 + np.arange(areas, dtype=np.float64) * (4.0 / (areas - 1)))
 
 
 def gradient_field(grey: Grey, center: tuple[float, float], reach: float, sigma: float, *, shrink: bool) -> Field:
@@ -221,7 +224,13 @@ def _vote(histogram: Float, magnitude: float, turn: float) -> None:
     histogram[lower + 1 if lower + 1 < bins else 0] += magnitude * w
 
 
-def _unit(H: Float) -> Float:
-    """Each area's histograms at unit length; an area without any gradient stays zero."""
-    length = np.linalg.norm(H, axis=-1, keepdims=True)
-    return np.asarray(np.divide(H, length, out=np.zeros_like(H), where=length > 1e-9))
+@compiled
+def _to_unit(H: Float) -> None:
+    """Brings each area's histograms, a row, to unit length; an area without any gradient stays zero."""
+    for i in range(H.shape[0]):
+        square = 0.0
+        for k in range(H.shape[1]):
+            square += H[i, k] * H[i, k]
+        length = np.sqrt(square)
+        for k in range(H.shape[1]):
+            H[i, k] = H[i, k] / length if length > 1e-9 else 0.0

@@ -12,10 +12,11 @@ from omnivert.vision.lines import Lines
 Float = NDArray[np.float64]
 
 _LEAN_SHARE = 0.22  # of a line's lean that may be an error of its place at the horizon
+_HORIZON_GUESSED, _HORIZON_KNOWN = 0.03, 0.01  # shares of the horizon's radius that it may be off
 _WHITE = 250  # grey; JPEG leaves this of a sensor that is full
 _BESIDE_PX = 2.5  # how far beside an edge its brighter side is looked at
 _SAMPLES = 16  # along a line
-_CLIPPED_PX = (0.4, 0.45)  # an edge whose brighter side is clipped all along has moved by this; give or take
+_CLIPPED_PX = (0.3, 0.45)  # an edge whose brighter side is clipped all along has moved by this; give or take
 
 
 def allowed_for_lean(lines: Lines, ring: MirrorRing) -> Lines:
@@ -26,11 +27,21 @@ def allowed_for_lean(lines: Lines, ring: MirrorRing) -> Lines:
     return lines._replace(std_rad=np.hypot(lines.std_rad, _LEAN_SHARE * np.abs(lines.lean_px) / ring.horizon))
 
 
+def allowed_for_tilt(lines: Lines, ring: MirrorRing) -> Lines:
+    """Where the axis leans, bearings are read at the horizon, which may be off; and to the first order of the tilt.
+
+    A line that passes the centre at a distance s turns by s dh / h^2 when the horizon is off by dh; the tilt is s / h.
+    """
+    share = _HORIZON_KNOWN if ring.horizon_px else _HORIZON_GUESSED
+    tilt = np.abs(lines.slant_px) / ring.horizon
+    return lines._replace(std_rad=np.sqrt(lines.std_rad**2 + (share * tilt) ** 2 + (0.5 * tilt**2) ** 2))
+
+
 def allowed_for_clipping(lines: Lines, grey: Grey, center: tuple[float, float], ring: MirrorRing) -> Lines:
     """A sensor that is full cuts off the upper part of an edge, and what is left of it lies too far in the dark.
 
     By how much depends on what was cut off: a mean is corrected, and the rest is doubt. Overexposed by a factor of two,
-    the corridor's robust sigma falls from 1.58 to 1.13 mrad so, and the normalised one from 2.1 to about 1.
+    the corridor's robust sigma falls from 1.58 to 1.10 mrad so, and the normalised one from 2.1 to about 1.
     """
     ends = lines.inner_px, lines.outer_px
     share = _clipped_share(grey, *center, lines.angle_rad, lines.polarity, lines.slant_px, *ends, ring.horizon)

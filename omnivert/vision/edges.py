@@ -101,8 +101,8 @@ class EdgeFinder:
             self._mask = np.empty(width, dtype=np.bool_)
             self._column = np.arange(width, dtype=np.float32)
             self._place = np.empty(width + 1, dtype=np.int32)
-        if self._room.shape[1] < grey.size // 2:  # of two neighbours across an edge one at most is on the ridge
-            self._room = np.empty((4, grey.size // 2 + height), dtype=np.float32)
+        if self._room.shape[1] < grey.size:  # three pixels of four may be ridges, in a picture made to be difficult
+            self._room = np.empty((4, grey.size), dtype=np.float32)
         rows = self._rows, self._mask, self._column, self._place
         count = _ridges(np.ascontiguousarray(grey), *band, tone, self._least, *rows, self._room)
         return Edges(*self._room[:, :count])

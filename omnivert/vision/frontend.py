@@ -10,7 +10,7 @@ from omnivert.angles import wrap
 from omnivert.config import Config, MirrorRing
 from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
 from omnivert.vision.descriptor import Float32
-from omnivert.vision.doubt import allowed_for_clipping, allowed_for_lean
+from omnivert.vision.doubt import allowed_for_clipping, allowed_for_lean, allowed_for_tilt
 from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
 from omnivert.vision.image import Grey, grey_from_frame
 from omnivert.vision.lines import Lines, lines_from_edges, no_lines
@@ -156,17 +156,22 @@ class FrontEnd:
             work.reasons.append(work.found.reason)
 
     def _find_lines(self, work: Work) -> None:
-        if work.grey is None or work.edges is None or work.found is None:
+        grey, edges = work.grey, work.edges
+        if grey is None or edges is None or work.found is None:
             return
         circle, vision = work.found.circle, self._vision
         center = (circle.u_px, circle.v_px)
         if not self._paper:
-            self._meeting.search(work.edges, center, vision.edge_tolerance_deg)
-        meeting = self._meeting.point
-        lines = lines_from_edges(work.edges, center, circle.std_px, self._ring, vision, meeting)
-        if not self._paper:
-            lines = allowed_for_lean(self._meeting.corrected(lines), self._ring)
-            lines = allowed_for_clipping(lines, work.grey, center, self._ring)
+            self._meeting.search(edges, center, vision.edge_tolerance_deg)
+
+        def about(meeting: tuple[float, float]) -> Lines:
+            return lines_from_edges(edges, center, circle.std_px, self._ring, vision, meeting)
+
+        if self._paper:
+            lines = about((0.0, 0.0))
+        else:
+            lines = allowed_for_tilt(allowed_for_lean(self._meeting.lines(about), self._ring), self._ring)
+            lines = allowed_for_clipping(lines, grey, center, self._ring)
         work.lines = lines
         if work.lines.angle_rad.size == 0:
             work.reasons.append("no lines")

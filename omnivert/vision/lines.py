@@ -124,7 +124,7 @@ def _votes(
             continue
         radius = np.sqrt(square)
         slant = (dv * meeting_u - du * meeting_v) / radius
-        angle = np.arctan2(-dv, du) - slant * (1.0 / radius - 1.0 / horizon)
+        angle = _arctan2(-dv, du) - slant * (1.0 / radius - 1.0 / horizon)
         if angle > np.pi:
             angle -= TURN
         elif angle <= -np.pi:
@@ -135,6 +135,19 @@ def _votes(
         polarity[count] = 1 if across >= 0.0 else -1
         count += 1
     return table[:, :count], polarity[:count]
+
+
+@compiled
+def _arctan2(y: float, x: float) -> float:
+    """Right to 8e-8 rad, for a third of the time; (0, 0) gives 0."""
+    a, b = abs(x), abs(y)
+    t = min(a, b) / max(max(a, b), 1e-300)
+    s = t * t
+    rest = s * (0.09906096896 - s * (0.05936710079 - s * (0.02416618952 - s * 0.00466877331)))
+    angle = t * (0.99999989775 - s * (0.33331959725 - s * (0.19969235395 - s * (0.14016585042 - rest))))
+    angle = 0.5 * np.pi - angle if b > a else angle
+    angle = np.pi - angle if x < 0.0 else angle
+    return -angle if y < 0.0 else angle
 
 
 def sector_histogram(angle: Float, weight: Float | None, sectors: int) -> Float:
@@ -229,8 +242,7 @@ def refined_lines(
     angle, std, strength, inner, outer, lean, lean_std, lever = fit
     angle, strength = wrap(angle), strength / length
     std = np.hypot(np.hypot(std, np.deg2rad(vision.bearing_std_deg)), center_std / horizon)
-    keep = _distinct(angle, polarity, strength) & (strength * length >= least)
-    order = np.flatnonzero(keep)
+    order = np.flatnonzero(_distinct(angle, polarity, strength) & (strength * length >= least))
     if order.size > vision.max_lines:
         order = order[np.argsort(-strength[order], kind="stable")[: vision.max_lines]]
     order = order[np.argsort(angle[order], kind="stable")]
@@ -321,11 +333,14 @@ def _fits(
     return fit
 
 
+@compiled
 def _distinct(angle: Float, polarity: Int, strength: Float) -> NDArray[np.bool_]:
-    """Which lines no stronger one of the same polarity has run into."""
-    if angle.size < 2:
-        return np.ones(angle.size, dtype=np.bool_)
-    near = (np.abs(wrap(angle[:, None] - angle[None, :])) < _SAME_RAD) & (polarity[:, None] == polarity[None, :])
-    rank = np.argsort(np.argsort(-strength, kind="stable"), kind="stable")
-    beaten: NDArray[np.bool_] = np.any(near & (rank[:, None] > rank[None, :]), axis=1)
-    return ~beaten
+    """Which lines no stronger one of the same polarity has run into; the first of equals stays."""
+    keep = np.ones(angle.size, dtype=np.bool_)
+    for i in range(angle.size):
+        for j in range(angle.size):
+            apart = abs(angle[i] - angle[j])
+            near = min(apart, TURN - apart) < _SAME_RAD and polarity[i] == polarity[j]
+            if near and (strength[j] > strength[i] or (strength[j] == strength[i] and j < i)):
+                keep[i] = False
+    return keep

@@ -4,6 +4,7 @@ A tilted mirror shows a vertical line off the ring's centre, by the same vector 
 small: they meet in a point. At the horizon, where level rays appear, a tilt does not show, so bearings are read there.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,12 +22,14 @@ Float = NDArray[np.float64]
 _FADE = 0.99  # of what older frames say, each frame
 _LEAST_LINES = 5
 _LOOSE_PX = 0.5  # how far off its point a line passes that is not quite straight
-_TAIL = 4.0  # sigmas from which a line loses its say
+_TAILS = (32.0, 16.0, 8.0, 4.0, 4.0)  # sigmas from which a line loses its say; step after step
 _PRIOR_PX = 10.0  # nothing is known of where lines meet
 _NOD_PX = 0.3  # by so much a robot is taken to nod before it has been seen to ...
 _NOD_FRAMES = 2.0  # ... which counts for so many frames
 _NOD_LASTS = 8.0  # frames; neighbouring ones nod alike, so that their mean is known the worse
 _EQUAL_PX = 1.0  # frames that know the point better than this count alike, as their own nodding is in it
+_FAR_PX = 0.7  # lines found about a point that is so far off lean too much to be fitted well: they are found again ...
+_LOOKS = 4  # ... until they have been found so often
 _USED_PX = 1.0 / 500.0  # of Rmax: a point nearer to the centre is the centre
 _SURE = 4.0  # sigmas
 _SPAN = 0.9  # of Rmin: how far from the centre the first search looks
@@ -84,16 +87,26 @@ class MeetingFinder:
             self._now, self._now_std = (u, v), 0.1 * _SPAN * self._ring.r_min_px
             self._seen.add(u, v, self._now_std**2)
 
-    def corrected(self, lines: Lines) -> Lines:
-        """The lines as this frame's own meeting point has them, which is learnt from by how much each of them leans.
+    def lines(self, about: Callable[[tuple[float, float]], Lines]) -> Lines:
+        """A frame's lines as its own meeting point has them, which is learnt from by how much each of them leans.
+
+        about  finds the frame's lines, when told where they meet
 
         The mean over the frames is the tilt that the camera is mounted with; what frames differ by, the robot's
         nodding. A frame's own point is believed against the mean as far as frames are seen to differ.
         """
-        off, information, count = _common_lean(lines.angle_rad, lines.lean_px, lines.lean_std_px)
-        if count < _LEAST_LINES:
-            return lines
-        seen, (u, v) = self._seen, self.point
+        u, v = self.point
+        for _ in range(_LOOKS):
+            lines = about((u, v))
+            off, information, count = _common_lean(lines.angle_rad, lines.lean_px, lines.lean_std_px)
+            if count < _LEAST_LINES:
+                return lines
+            if np.hypot(*off) < _FAR_PX:
+                break
+            u, v = u + float(off[0]), v + float(off[1])
+        else:
+            off = np.zeros(2)
+        seen = self._seen
         covariance = np.linalg.inv(information + np.eye(2) / _PRIOR_PX**2)
         seen.add(u + off[0], v + off[1], 0.5 * float(np.trace(covariance)))
         self._decide()
@@ -173,7 +186,7 @@ def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float, i
     normal_u, normal_v = -np.sin(angle), -np.cos(angle)
     off, information = np.zeros(2), np.zeros((2, 2))
     count = 0
-    for _ in range(4):
+    for tail in _TAILS:
         a = b = d = p = q = 0.0
         count = 0
         for k in range(angle.size):
@@ -182,7 +195,7 @@ def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float, i
             count += 1
             variance = std[k] * std[k] + _LOOSE_PX * _LOOSE_PX
             rest = lean[k] - normal_u[k] * off[0] - normal_v[k] * off[1]
-            near = max(1.0 - rest * rest / (variance * _TAIL * _TAIL), 0.0)
+            near = max(1.0 - rest * rest / (variance * tail * tail), 0.0)
             weight = near * near / variance
             a += weight * normal_u[k] * normal_u[k]
             b += weight * normal_u[k] * normal_v[k]

@@ -50,9 +50,10 @@ def common_flow(turn: float, angle: Float, drift: Float, moved: Float) -> Flow:
     """
     if moved.size < _FLOW_PAIRS:
         return Flow(turn, 1.0, 0.0, 0.0, _LEAST_SPREAD_RAD)
-    table = np.stack((np.ones_like(angle), drift, np.cos(angle), np.sin(angle)))
+    table = np.empty((4, angle.size))
+    table[0], table[1], table[2], table[3] = 1.0, drift, np.cos(angle), np.sin(angle)
     x, spread = _robust(table, wrap(moved - turn - drift), _FLOW_STD, _LEAST_SPREAD_RAD, 6)
-    more, scale, cos_part, sin_part = (float(value) for value in x)
+    more, scale, cos_part, sin_part = x.tolist()
     return Flow(wrap(turn + more), 1.0 + scale, cos_part, sin_part, float(spread))
 
 
@@ -60,10 +61,10 @@ def sine_of(angle: Float, drift: Float) -> tuple[float, float]:
     """The cos and the sin part of the drifts of many lines, robustly: what a new line there is likely to do."""
     if angle.size < _FLOW_PAIRS:
         return 0.0, 0.0
-    (cos_part, sin_part), _ = _robust(
-        np.stack((np.cos(angle), np.sin(angle))), drift, _FLOW_STD[2:], _LEAST_SPREAD_RAD, 4
-    )
-    return float(cos_part), float(sin_part)
+    table = np.empty((2, angle.size))
+    table[0], table[1] = np.cos(angle), np.sin(angle)
+    x, _ = _robust(table, drift, _FLOW_STD[2:], _LEAST_SPREAD_RAD, 4)
+    return float(x[0]), float(x[1])
 
 
 @compiled
@@ -97,20 +98,32 @@ def common_turn(angle: Float, predicted: Float, D: Float, polarity: Int, track_p
     D                          (N, T)  distances of their descriptors
     """
     delta, weight = _look_alikes(angle, predicted, D, polarity, track_polarity)
-    cell = ((delta / TURN + 0.5) * _TURN_CELLS).astype(np.intp) % _TURN_CELLS
-    pile = np.bincount(cell, weights=weight, minlength=_TURN_CELLS)
+    turn = _piled_up(delta, weight)
+    return None if np.isnan(turn) else turn
+
+
+@compiled
+def _piled_up(delta: Float, weight: Float) -> float:
+    """The angle about which most weight lies; NaN when that is too little."""
+    pile = np.zeros(_TURN_CELLS)
+    for k in range(delta.size):
+        pile[int((delta[k] / TURN + 0.5) * _TURN_CELLS) % _TURN_CELLS] += weight[k]
     for _ in range(3):
-        around = np.concatenate((pile[-1:], pile, pile[:1]))
-        pile = 0.5 * pile + 0.25 * (around[:-2] + around[2:])
-    peak = int(np.argmax(pile))
+        pile = 0.5 * pile + 0.25 * (np.roll(pile, 1) + np.roll(pile, -1))
+    peak = np.argmax(pile)
     if pile[peak] < _TURN_EVIDENCE:
-        return None
+        return np.nan
     turn = (peak + 0.5) / _TURN_CELLS * TURN - np.pi
     for _ in range(2):
-        off = wrap(delta - turn)
-        near = weight * np.maximum(1.0 - (off / _TURN_WIDTH_RAD) ** 2, 0.0)
-        if np.sum(near) > 0.0:
-            turn = wrap(turn + float(np.sum(near * off) / np.sum(near)))
+        total = moved = 0.0
+        for k in range(delta.size):
+            off = delta[k] - turn
+            off -= TURN * np.floor(off / TURN + 0.5)
+            near = weight[k] * max(1.0 - (off / _TURN_WIDTH_RAD) ** 2, 0.0)
+            total, moved = total + near, moved + near * off
+        if total > 0.0:
+            turn += moved / total
+            turn -= TURN * np.floor(turn / TURN + 0.5)
     return turn
 
 

@@ -201,32 +201,37 @@ def _fitted(u: Float, v: Float, start: tuple[float, float], shape: Shape, *, far
     # centre's error turns every bearing by up to (error / r), and a rim that is not round, or of another radius than
     # measured, would shift the centre when a part of it is covered. What is known of the shape takes part.
     """
-    x = np.array((*start, *shape[:3]))
-    known = np.array(shape[:3])
-    information = 1.0 / np.square(shape.std_px)
-    std = 0.5
-    narrowest = on_rim_px(shape.radius_px)
     first, *then = _WIDTHS if far else _WIDTHS[1:]
-    width = first * narrowest
-    for wide in (*then, 0.0, 0.0, 0.0):
+    widths = on_rim_px(shape.radius_px) * np.array((first, *then, 0.0, 0.0, 0.0))
+    x, std = _refined(u, v, np.array((*start, *shape[:3])), np.array(shape[:3]), np.array(shape.std_px), widths)
+    u0, v0, radius, even, odd = (float(value) for value in x)
+    return _Fit(u0, v0, radius, even, odd, min(max(std, 1e-3), radius))
+
+
+@compiled
+def _refined(u: Float, v: Float, x: Float, known: Float, known_std: Float, widths: Float) -> tuple[Float, float]:
+    """Gauss-Newton from x = (u, v, radius, even, odd), a step a width; the solution, and the centre's sigma, px."""
+    std = 0.5
+    width = widths[0]
+    for step in range(1, widths.size):
         normal, right, weight, square, count = _rim_normal(u, v, x, width)
         if count < _MIN_EDGES:
             break
-        spread = max(square / weight, _BEST_PX**2)
+        spread = max(square / weight, _BEST_PX * _BEST_PX)
         # Lights and edges of the world that end beside the rim pull at it: no wider than the rim itself scatters.
-        width = max(wide * narrowest, _TAIL * float(np.sqrt(spread)))
-        variance = _CORRELATED**2 * spread
-        normal[np.arange(2, 5), np.arange(2, 5)] += variance * information
-        right[2:] += variance * information * (known - x[2:])
-        normal += np.eye(5) * 1e-6
-        inverse = np.linalg.inv(normal)
-        step = inverse @ right
-        x = x + step
-        std = float(np.sqrt(variance * np.max(np.diag(inverse)[:2])))
-        if wide == 0.0 and np.max(np.abs(step)) < _SETTLED_PX:
+        width = max(widths[step], _TAIL * np.sqrt(spread))
+        variance = _CORRELATED * _CORRELATED * spread
+        for i in range(3):
+            information = variance / (known_std[i] * known_std[i])
+            normal[2 + i, 2 + i] += information
+            right[2 + i] += information * (known[i] - x[2 + i])
+        inverse = np.linalg.inv(normal + np.eye(5) * 1e-6)
+        move = inverse @ right
+        x = x + move
+        std = np.sqrt(variance * max(inverse[0, 0], inverse[1, 1]))
+        if widths[step] == 0.0 and np.max(np.abs(move)) < _SETTLED_PX:
             break
-    u0, v0, radius, even, odd = (float(value) for value in x)
-    return _Fit(u0, v0, radius, even, odd, min(max(std, 1e-3), radius))
+    return x, std
 
 
 @compiled

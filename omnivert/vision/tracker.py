@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from omnivert.angles import TURN, wrap
-from omnivert.compiled import compiled
+from omnivert.angles import wrap
 from omnivert.config import Vision
+from omnivert.vision.assignment import KNOWN_STD_RAD, NEW_COST, assigned, costs, mutual_best
 from omnivert.vision.lines import Lines
 from omnivert.vision.matching import distances, matches
 from omnivert.vision.motion import DESCRIPTOR_STD, Flow, common_flow, common_turn, sine_of
@@ -17,17 +16,11 @@ Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 Int = NDArray[np.int64]
 
-_KNOWN_STD_RAD = np.deg2rad(0.2)  # how well a line's next bearing is known when its own motion is
 _YOUNG_STD_RAD = np.deg2rad(1.0)  # and when it is not
 _LOOSE_STD_RAD = np.deg2rad(2.0)  # when the flow is still to be found
 _MAX_STD_RAD = np.deg2rad(3.0)
 _YOUNG_FRAMES = 2
-_GATE_RAD = np.deg2rad(8.0)
-_ENDS_STD = 0.1  # of a line's length: how well its ends are seen again
-_STRENGTH_STD = 0.1
 _USUAL_DISTANCE = 0.34  # of a line's descriptors in two frames, median on the corridor
-_TAIL = 10.0  # degrees of freedom of Student's t
-_NEW_COST = 14.0  # a pair that costs more is less believable than a new line
 _DRIFT_GAIN = 0.5
 _DRIFT_FADE = 0.8  # of the own motion of a line that is out of sight
 _TURN_FRAMES = 4  # tracks seen this lately, before lines were last seen, vote for turn and flow
@@ -124,43 +117,54 @@ class Tracker:
         """
         tracks, frame, vision = self._tracks, self._frame, self._vision
         D = distances(descriptor, tracks.descriptor, vision.dissimilarity, vision.bins)
-        recent = np.flatnonzero(tracks.seen >= np.max(tracks.seen, initial=0) - _TURN_FRAMES)
+        recent = np.flatnonzero(tracks.seen >= tracks.seen.max(initial=0) - _TURN_FRAMES)
         usual = wrap(tracks.angle + tracks.drift)
+        D_recent = D[:, recent]
         sides = lines.polarity, tracks.polarity[recent]
-        turn = common_turn(lines.angle_rad, usual[recent], D[:, recent], *sides)
+        turn = common_turn(lines.angle_rad, usual[recent], D_recent, *sides)
         self.common_turn_rad = self.common_turn_rad if turn is None else turn  # without evidence it goes on
-        flow, unlike = self._flow(lines, D, wrap(usual + self.common_turn_rad), recent)
+        flow, unlike = self._flow(lines, D_recent, wrap(usual[recent] + self.common_turn_rad), recent)
         self.common_turn_rad = flow.turn
         drift = flow.of(tracks.angle, tracks.drift)
         tracks = self._tracks = tracks._replace(angle=wrap(tracks.angle + drift + flow.turn), drift=drift)
         young = (tracks.seen - tracks.born < _YOUNG_FRAMES) | (tracks.moving > 0.5)
-        own = np.hypot(np.where(young, _YOUNG_STD_RAD, _KNOWN_STD_RAD), flow.spread)
+        own = np.hypot(np.where(young, _YOUNG_STD_RAD, KNOWN_STD_RAD), flow.spread)
         std = np.minimum(own * np.sqrt(frame - tracks.seen), _MAX_STD_RAD)
-        cost = self._costs(lines, D, tracks.angle, std, DESCRIPTOR_STD * unlike)
-        return assigned(cost, np.isfinite(cost), _NEW_COST), cost
+        cost = self._costs(lines, D, tracks.angle, std, slice(None), DESCRIPTOR_STD * unlike)
+        return assigned(cost), cost
 
-    def _costs(self, lines: Lines, D: Float, predicted: Float, std: Float, descriptor_std: float) -> Float:
-        tracks = self._tracks
-        known = predicted, std, tracks.polarity, tracks.shape
-        return _costs(D, lines.angle_rad, lines.polarity, _shapes(lines), *known, self._vision.f1, descriptor_std)
+    def _costs(
+        self,
+        lines: Lines,
+        D: Float,
+        predicted: Float,
+        std: Float,
+        rows: slice | NDArray[np.intp],
+        descriptor_std: float,
+    ) -> Float:
+        """Costs of the frame's lines and some rows of the tracks."""
+        polarity, shape = self._tracks.polarity[rows], self._tracks.shape[rows]
+        own = lines.angle_rad, lines.polarity, _shapes(lines)
+        return costs(D, *own, predicted, std, polarity, shape, self._vision.f1, descriptor_std)
 
     def _flow(self, lines: Lines, D: Float, usual: Float, recent: NDArray[np.intp]) -> tuple[Flow, float]:
         """How lines move since the last frame, and how much their descriptors change, of what is usual, at least 1.
 
-        usual  (T,)  where lines would be if all went on as it was
+        D      (N, R)  distances from the recent tracks
+        usual  (R,)    where their lines would be if all went on as it was
         Both from pairs that are each other's best within a wide gate.
         """
         tracks, turn = self._tracks, self.common_turn_rad
         if D.size == 0 or recent.size == 0:
             return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
-        cost = self._costs(lines, D, usual, np.full(usual.size, _LOOSE_STD_RAD), DESCRIPTOR_STD)[:, recent]
-        best = np.argmin(cost, axis=0)
-        pair = np.arange(recent.size)
-        sure = (np.argmin(cost, axis=1)[best] == pair) & (cost[best, pair] < _NEW_COST)
-        row, track = best[sure], recent[sure]
-        if row.size < _FLOW_SHARE * recent.size:  # a smeared frame: the few pairs in it are mostly chance
+        cost = self._costs(lines, D, usual, np.full(usual.size, _LOOSE_STD_RAD), recent, DESCRIPTOR_STD)
+        row, column = mutual_best(cost)
+        if (
+            row.size == 0 or row.size < _FLOW_SHARE * recent.size
+        ):  # a smeared frame: the few pairs in it are mostly chance
             return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
-        unlike = float(np.median(D[row, track])) / _USUAL_DISTANCE if row.size else 1.0
+        unlike = float(np.partition(D[row, column], row.size // 2)[row.size // 2]) / _USUAL_DISTANCE
+        track = recent[column]
         moved = wrap(lines.angle_rad[row] - tracks.angle[track])
         return common_flow(turn, tracks.angle[track], tracks.drift[track], moved), max(unlike, 1.0)
 
@@ -178,7 +182,7 @@ class Tracker:
         seen, polarity = tracks.seen.copy(), tracks.polarity.copy()
         angle[track], seen[track], polarity[track] = lines.angle_rad[line], frame, lines.polarity[line]
         latest[track], shape[track] = descriptor[line], shapes[line]
-        fit = np.ones(line.size) if cost is None else np.maximum(1.0 - cost[line, track] / _NEW_COST, 0.0)
+        fit = np.ones(line.size) if cost is None else np.maximum(1.0 - cost[line, track] / NEW_COST, 0.0)
         quality *= 1.0 - _QUALITY_GAIN
         quality[track] += _QUALITY_GAIN * fit
         wave = sine_of(angle[track], drift[track])
@@ -234,62 +238,3 @@ class Tracker:
 def _shapes(lines: Lines) -> Float:
     """(N, 3) strength, inner and outer radius."""
     return np.stack((lines.strength, lines.inner_px, lines.outer_px), axis=1)
-
-
-@compiled
-def _costs(
-    D: Float,
-    angle: Float,
-    polarity: Int,
-    shape: Float,
-    predicted: Float,
-    std: Float,
-    track_polarity: Int,
-    track_shape: Float,
-    far: float,
-    descriptor_std: float,
-) -> Float:
-    """-2 log likelihood of pairs, less that of a sure one (N, T): descriptor, bearing, and where lines begin and end.
-
-    predicted, std  (T,)  rad
-    far                   descriptors farther apart are no pair
-    Infinite where a pair cannot be.
-    """
-    cost = np.full(D.shape, np.inf)
-    for i in range(D.shape[0]):
-        for j in range(D.shape[1]):
-            if polarity[i] != track_polarity[j] or D[i, j] >= far:
-                continue
-            surprise = abs(angle[i] - predicted[j])
-            surprise = min(surprise, TURN - surprise)
-            if surprise >= _GATE_RAD:
-                continue
-            value = (D[i, j] / descriptor_std) ** 2
-            value += _TAIL * np.log1p((surprise / std[j]) ** 2 / _TAIL) + 2.0 * np.log(
-                max(std[j] / _KNOWN_STD_RAD, 1.0)
-            )
-            length = max(shape[i, 2] - shape[i, 1], track_shape[j, 2] - track_shape[j, 1], 1.0) * _ENDS_STD
-            for end in range(1, 3):
-                value += np.log1p(((shape[i, end] - track_shape[j, end]) / length) ** 2)
-            value += np.log1p(((shape[i, 0] - track_shape[j, 0]) / _STRENGTH_STD) ** 2)
-            if value < _NEW_COST:
-                cost[i, j] = value
-    return cost
-
-
-def assigned(cost: Float, allowed: NDArray[np.bool_], new_cost: float) -> Int:
-    """The column of each row, or -1, by least total cost; a row left alone costs `new_cost`; (N,)."""
-    n = cost.shape[0]
-    match = np.full(n, -1, dtype=np.int64)
-    rows, columns = np.flatnonzero(allowed.any(axis=1)), np.flatnonzero(allowed.any(axis=0))
-    if rows.size == 0:
-        return match
-    part = np.where(allowed, cost, 2.0 * new_cost)[np.ix_(rows, columns)]
-    alone = np.full((rows.size, rows.size), 2.0 * new_cost)
-    np.fill_diagonal(alone, new_cost)
-    row, column = linear_sum_assignment(np.hstack((part, alone)))
-    real = column < columns.size
-    i, j = rows[row[real]], columns[column[real]]
-    good = allowed[i, j]
-    match[i[good]] = j[good]
-    return match

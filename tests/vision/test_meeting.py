@@ -1,8 +1,10 @@
 """Where lines meet, against lines that lean about a known point."""
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from omnivert.angles import wrap
 from omnivert.config import MirrorRing
 from omnivert.vision.edges import no_edges
 from omnivert.vision.lines import Lines
@@ -13,23 +15,27 @@ STD = 0.5
 
 def _leaning(
     meeting: tuple[float, float], finder: MeetingFinder, rng: np.random.Generator, count: int = 40
-) -> tuple[Lines, NDArray[np.float64]]:
-    """Lines about a point as the finder's own would be fitted, their angles as if they met where it says; true ones."""
+) -> tuple[Lines, Lines, NDArray[np.float64]]:
+    """Lines about a point as the finder has them, as they would be fitted where it first looks, and true angles."""
     true = np.sort(rng.uniform(-np.pi, np.pi, count))
-    before = finder.point
-    slant, asked = (-np.sin(true) * u - np.cos(true) * v for u, v in (meeting, before))
-    lean, none = slant - asked + rng.normal(0.0, STD, count), np.zeros(count)
-    lever = none + 0.002
-    angle = true + (slant - asked) * lever
-    sides = np.ones(count, dtype=np.int64)
-    return Lines(angle, none + 1e-4, sides, none + 1, none + 63, none + 225, asked, lean, none + STD, lever), true
+    noise, none = rng.normal(0.0, STD, count), np.zeros(count)
+    lever, sides = none + 0.002, np.ones(count, dtype=np.int64)
+
+    def about(asked_for: tuple[float, float]) -> Lines:
+        """Angles as if they met where they are asked to."""
+        slant, asked = (-np.sin(true) * u - np.cos(true) * v for u, v in (meeting, asked_for))
+        lean, angle = slant - asked + noise, true + (slant - asked) * lever
+        return Lines(angle, none + 1e-4, sides, none + 1, none + 63, none + 225, asked, lean, none + STD, lever)
+
+    first = about(finder.point)
+    return finder.lines(about), first, true
 
 
 def _learnt(meeting: tuple[float, float], frames: int, seed: int, count: int = 40) -> MeetingFinder:
     finder, rng = MeetingFinder(MirrorRing()), np.random.default_rng(seed)
     _begun(finder)
     for _ in range(frames):
-        finder.corrected(_leaning(meeting, finder, rng, count)[0])
+        _leaning(meeting, finder, rng, count)
     return finder
 
 
@@ -74,11 +80,38 @@ def test_frames_that_nod_are_each_corrected() -> None:
     without, left = [], []
     for frame in range(80):
         u, v = rng.normal(0.0, 1.0, 2)
-        lines, true = _leaning((3.0 + u, v), finder, rng)
-        corrected = finder.corrected(lines)
+        corrected, first, true = _leaning((3.0 + u, v), finder, rng)
         if frame >= 30:
-            without.append(lines.angle_rad - true)
+            without.append(first.angle_rad - true)
             left.append(corrected.angle_rad - true)
     rms, before = (float(np.sqrt(np.mean(np.square(e)))) for e in (left, without))
     assert before > 1.5e-3  # a pixel on the lever is 2e-3
     assert rms < 0.25 * before
+
+
+@pytest.mark.parametrize("nodding", [0.0, 0.3, 1.0, 3.0])
+def test_what_is_told_of_a_nodding_robot_is_as_good_as_it_says(nodding: float) -> None:
+    """The point of each frame, by its own sigma; and the bearings, by theirs."""
+    point, bearing = [], []
+    for seed in range(6):
+        finder, rng = MeetingFinder(MirrorRing()), np.random.default_rng(seed)
+        _begun(finder)
+        for frame in range(60):
+            at = (4.0 + nodding * rng.normal(), -3.0 + nodding * rng.normal())
+            lines, _, true = _leaning(at, finder, rng)
+            known = finder.known
+            if frame >= 5 and known is not None and known.used:
+                point.append(np.array((known.u_px - at[0], known.v_px - at[1])) / known.std_px)
+                bearing.append(wrap(lines.angle_rad - true) / lines.std_rad)
+    assert len(point) == 6 * 55
+    assert 0.35 < np.sqrt(np.mean(np.square(point))) < 1.3  # it nods a little for all that the finder knows
+    assert np.sqrt(np.mean(np.square(bearing))) < 1.3
+
+
+def test_the_mean_does_not_stick_to_where_the_robot_began() -> None:
+    """It stands leaning for 5 frames, then nods about the upright."""
+    finder, rng = MeetingFinder(MirrorRing()), np.random.default_rng(1)
+    _begun(finder)
+    for frame in range(200):
+        _leaning((6.0, 0.0) if frame < 5 else (rng.normal(), rng.normal()), finder, rng)
+    assert np.hypot(*finder.point) < 0.7

@@ -33,7 +33,7 @@ HELD = {
     "gain 0.6, truth of 1": replace(AS_PLAIN, recall=0.89, correct_lines=41.0, right_percent=98.0, false_percent=1.0),
     "gain 1.5": AS_PLAIN,
     "gain 2.0": replace(
-        AS_PLAIN, recall=0.77, precision=0.86, correct_lines=35.5, sigma_mrad=1.4, normalised=(0.8, 2.4), ring_px=0.15
+        AS_PLAIN, recall=0.77, precision=0.86, correct_lines=35.5, sigma_mrad=1.2, normalised=(0.7, 1.3), ring_px=0.15
     ),
     "gain swelling": AS_PLAIN,
     "gain flickering": replace(AS_PLAIN, correct_lines=43.0, right_percent=98.0, false_percent=0.8),
@@ -47,8 +47,8 @@ HELD = {
     ),
     "1024 x 768": AS_PLAIN,
     "2592 x 1944": replace(AS_PLAIN, false_percent=0.85, ring_px=0.06),
-    "tilted 1 deg": replace(AS_PLAIN, right_percent=98.2, sigma_mrad=0.75, normalised=(0.8, 1.3)),
-    "tilted 3 deg": replace(AS_PLAIN, right_percent=98.0, false_percent=1.0, sigma_mrad=3.0, normalised=(0.8, 3.3)),
+    "tilted 1 deg": replace(AS_PLAIN, right_percent=98.2, sigma_mrad=0.75, normalised=(0.6, 1.2)),
+    "tilted 3 deg": replace(AS_PLAIN, right_percent=98.0, false_percent=1.0, sigma_mrad=1.5, normalised=(0.5, 1.2)),
     "stretched 2 %": AS_PLAIN,
     "cut off": replace(AS_PLAIN, new_percent=1.4, sigma_mrad=0.65),
     "glare": replace(AS_PLAIN, recall=0.89, correct_lines=39.5, right_percent=98.0, false_percent=0.8),
@@ -96,7 +96,7 @@ def test_the_same_lines_are_seen_wherever_and_however_the_picture_shows_them(
     for a, b in zip(plain.seen, other.seen, strict=True):
         apart = nearest(a.bearing_rad, back(b.bearing_rad))
         assert np.median(apart) < 3e-5
-        lost, lines = lost + int(np.sum(apart > 1e-3)), lines + apart.size
+        lost, lines = lost + int(np.sum(apart > 2e-3)), lines + apart.size  # of the weakest, the last bit moves some
         assert abs(a.bearing_rad.size - b.bearing_rad.size) <= 2
     assert lost <= 0.01 * lines
 
