@@ -31,6 +31,7 @@ VISION = (
     "lines",
     "meeting",
     "doubt",
+    "faults",
     "descriptor",
     "dissimilarity",
     "panorama",

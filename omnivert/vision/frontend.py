@@ -12,6 +12,7 @@ from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
 from omnivert.vision.descriptor import Float32
 from omnivert.vision.doubt import allowed_for_clipping, allowed_for_lean, allowed_for_tilt
 from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
+from omnivert.vision.faults import FaultFinder
 from omnivert.vision.image import Grey, grey_from_frame
 from omnivert.vision.lines import Lines, lines_from_edges, no_lines
 from omnivert.vision.meeting import MeetingFinder
@@ -57,12 +58,14 @@ class FrontEnd:
         self._edges = EdgeFinder(config.vision.edge_min_magnitude)
         self._finder = RingFinder(self._ring, config.vision)
         self._meeting = MeetingFinder(self._ring)
+        self._faults = FaultFinder(self._ring)
         self._tracker = Tracker(config.vision)
         self.stages = (
             Stage("decode", self._decode),
             Stage("edges", self._find_edges),
             Stage("ring", self._find_ring),
             Stage("lines", self._find_lines),
+            Stage("faults", self._find_faults),
             Stage("descriptors", self._describe),
             Stage("tracking", self._track),
         )
@@ -175,6 +178,10 @@ class FrontEnd:
         work.lines = lines
         if work.lines.angle_rad.size == 0:
             work.reasons.append("no lines")
+
+    def _find_faults(self, work: Work) -> None:
+        if work.grey is not None and work.edges is not None:
+            work.reasons.extend(self._faults.step(work.grey, work.found, work.edges, work.lines))
 
     def _describe(self, work: Work) -> None:
         work.descriptor = np.empty((0, self._vision.areas * 2 * self._vision.bins), dtype=np.float32)

@@ -48,10 +48,12 @@ class Lines(NamedTuple):
     lean_px: Float  # what its own points say beyond `slant_px`, and the sigma of that
     lean_std_px: Float
     lever: Float  # by how much the angle falls when the slant grows, 1 / px
+    found: int = 0  # lines that there would be, were not only the strongest kept; more than N: some are left out
 
 
 def no_lines() -> Lines:
-    return Lines(*(np.empty(0, dtype=np.int64 if name == "polarity" else np.float64) for name in Lines._fields))  # type: ignore[arg-type]  # one array a field
+    none = np.empty(0)
+    return Lines(none, none, none.astype(np.int64), *(none,) * 7)
 
 
 def lines_from_edges(
@@ -199,13 +201,15 @@ def sector_lines(votes: Votes, ring: MirrorRing, center_std: float, vision: Visi
     """The paper's lines: one histogram, one vote a point, the bearing in the middle of the sector."""
     length = ring.r_max_px - ring.r_min_px
     histogram = sector_histogram(votes.angle_rad, None, vision.sectors)
-    at = strongest(local_peaks(histogram, vision.min_length * length), histogram, vision.max_lines)
+    peaks = local_peaks(histogram, vision.min_length * length)
+    at = strongest(peaks, histogram, vision.max_lines)
     angle = wrap(((at + 0.5) * (TURN / vision.sectors) - np.pi).astype(np.float64))
     sector_std = TURN / vision.sectors / np.sqrt(12.0)
     std = np.full(at.size, np.hypot(max(sector_std, np.deg2rad(vision.bearing_std_deg)), center_std / length))
     inner, outer = np.full(at.size, ring.r_min_px), np.full(at.size, ring.r_max_px)
     none, strength = np.zeros(at.size), np.minimum(histogram[at] / length, 1.0)
-    return Lines(angle, std, none.astype(np.int64), strength, inner, outer, none, none, np.full(at.size, np.inf), none)
+    polarity, lean_std = none.astype(np.int64), np.full(at.size, np.inf)
+    return Lines(angle, std, polarity, strength, inner, outer, none, none, lean_std, none, peaks.size)
 
 
 def strongest(at: Int, histogram: Float, count: int) -> Int:
@@ -230,10 +234,13 @@ def refined_lines(
     table = _polar_histograms(votes.angle_rad, votes.extent_px, votes.polarity, sectors)
     starts: list[Float] = []
     polarities: list[Int] = []
+    left_out = 0
     owner = np.full((2, sectors), -1, dtype=np.int64)  # the line that a sector's points belong to
     for row, sign in enumerate((1, -1)):
         wide = _widened(table[row], half)
-        at = strongest(np.flatnonzero(_peaks(wide, least, reach)), wide, vision.max_lines)
+        peaks = np.flatnonzero(_peaks(wide, least, reach))
+        at = strongest(peaks, wide, vision.max_lines)
+        left_out += peaks.size - at.size
         _take_sectors(owner[row], at, reach, sum(a.size for a in starts))
         starts.append(wrap(((at + 0.5) * (TURN / sectors) - np.pi).astype(np.float64)))
         polarities.append(np.full(at.size, sign, dtype=np.int64))
@@ -243,12 +250,13 @@ def refined_lines(
     angle, strength = wrap(angle), strength / length
     std = np.hypot(np.hypot(std, np.deg2rad(vision.bearing_std_deg)), center_std / horizon)
     order = np.flatnonzero(_distinct(angle, polarity, strength) & (strength * length >= least))
+    found = order.size + left_out
     if order.size > vision.max_lines:
         order = order[np.argsort(-strength[order], kind="stable")[: vision.max_lines]]
     order = order[np.argsort(angle[order], kind="stable")]
     slant = -np.sin(angle) * meeting[0] - np.cos(angle) * meeting[1]
     rest = (np.minimum(strength, 1.0), inner, outer, slant, lean, lean_std, lever)
-    return Lines(angle[order], std[order], polarity[order], *(values[order] for values in rest))
+    return Lines(angle[order], std[order], polarity[order], *(values[order] for values in rest))._replace(found=found)
 
 
 @compiled

@@ -157,7 +157,7 @@ def test_the_same_frames_give_the_same_bytes(picture: Callable[..., Grey]) -> No
 
 def test_the_stages_one_by_one_are_the_step(picture: Callable[..., Grey]) -> None:
     whole, parts = FrontEnd(_config()), FrontEnd(_config())
-    assert [s.name for s in parts.stages] == ["decode", "edges", "ring", "lines", "descriptors", "tracking"]
+    assert [s.name for s in parts.stages] == ["decode", "edges", "ring", "lines", "faults", "descriptors", "tracking"]
     for k in range(3):
         frame = _frame(picture(0.05 * k))
         work = Work(frame)
