@@ -26,6 +26,7 @@ _BARE = 10  # edge points that a sector at least has; healthy ones have 60 and m
 _GRID_PX = 8
 _REMEMBERED = 31  # frames
 _KNOWN_FRAMES, _KNOWN_LINES = 3, 10  # from which on there is something to compare with
+_ALL_BARE = 0.9
 _FEWER_EDGES, _SHORTER_LINES = 0.65, 0.7  # 2 deg of turn leave 0.48 and 0.60; healthy pictures vary by a tenth
 
 
@@ -33,7 +34,7 @@ class _Looks(NamedTuple):
     """What the ring of one frame holds."""
 
     bare: float  # share of directions with hardly an edge, 0..1
-    points: float  # edge points
+    density: float  # edge points in a direction that is not bare
     lines: float
     strength: float  # of all lines together
 
@@ -87,17 +88,18 @@ class FaultFinder:
     def _looks(self, center: tuple[float, float], edges: Edges, lines: Lines) -> _Looks:
         step, r_min, r_max = max(edges.u_px.size // _POINTS, 1), self._radius[0], self._radius[-1]
         bare, points = _edge_spread(edges.u_px, edges.v_px, step, *center, r_min, r_max, _SECTORS, _BARE)
-        return _Looks(bare, points, lines.angle_rad.size, float(np.sum(lines.strength)))
+        density = points / max(_SECTORS * (1.0 - bare), 1.0)
+        return _Looks(bare, density, lines.angle_rad.size, float(np.sum(lines.strength)))
 
     def _against_before(self, now: _Looks) -> list[str]:
-        """Blur takes away most edge points, and of lines the weaker ones; a cover takes away all of both in a part."""
+        """Blur takes away edge points and lines all around, a cover all of them in a part."""
         if len(self._before) < _KNOWN_FRAMES:
             return []
         usual = _Looks(*(median(values) for values in zip(*self._before, strict=True)))
-        if now.bare > usual.bare + _MUCH:
+        thin = now.density < _FEWER_EDGES * usual.density and now.strength < _SHORTER_LINES * usual.strength
+        if now.bare > usual.bare + _MUCH and (now.bare > _ALL_BARE or not thin):
             return [f"hardly an edge in {_tens(now.bare)} % of the ring, more than before"]
-        fewer = now.points < _FEWER_EDGES * usual.points and now.strength < _SHORTER_LINES * usual.strength
-        if fewer and usual.lines >= _KNOWN_LINES:
+        if thin and usual.lines >= _KNOWN_LINES:
             return ["far fewer edges than before: smeared or out of focus"]
         return []
 
