@@ -40,6 +40,7 @@ VISION = (
     "assignment",
     "tracker",
     "frontend",
+    "account",
 )  # data order, too
 ONE_ROOM = {
     "zenoh": "omnivert/wire/bus.py",

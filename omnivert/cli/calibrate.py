@@ -123,9 +123,16 @@ def drive(outcome: Outcome) -> str:
     counts = sorted(len(bearings.track_id) for bearings in outcome.bearings)
     low, high = (counts[len(counts) // 10], counts[-1 - len(counts) // 10]) if counts else (0, 0)
     last = outcome.last
-    bad = sum(bool(bearings.reasons) for bearings in outcome.bearings)
+    bad = _unusable(outcome)
     text = f"{last.driven_m:.1f} m driven, {math.degrees(last.turned_rad):.0f} deg turned · {low}-{high} lines a frame"
     return f"{text} · {bad} frames unusable" if bad else text
+
+
+def _unusable(outcome: Outcome) -> int:
+    """Frames that gave a reason and no line."""
+    from omnivert.vision.account import is_unusable
+
+    return sum(map(is_unusable, outcome.bearings))
 
 
 def refusal(outcome: Outcome) -> DataError:
@@ -187,7 +194,7 @@ def result_json(outcome: Outcome, given: Given, truth: results.Truth | None, con
         "driven_m": last.driven_m,
         "turned_rad": last.turned_rad,
         "lines": {"used": last.lines_used, "new": last.lines_new, "rejected": last.lines_rejected},
-        "frames_unusable": sum(bool(bearings.reasons) for bearings in outcome.bearings),
+        "frames_unusable": _unusable(outcome),
         "claimed_at_s": None if outcome.extrinsics is None else 1e-9 * outcome.extrinsics.stamp_ns,
         "given": given.json(),
         "robot": config.robot.id,

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from omnivert.bench.score.score import Score
     from omnivert.cli.drawn import Video
     from omnivert.config import Config
+    from omnivert.vision.account import Account
     from omnivert.wire.recording import Recording
 
 LINES_HEADER = (
@@ -72,6 +73,8 @@ def track(
     if draw is not None:
         made_folder(draw)
     check_outputs(inputs, files)
+    from omnivert.vision.account import Account
+
     rig = source.config(chosen)
     film = None if video is None else _film(video, source, rig)
     try:
@@ -85,7 +88,7 @@ def track(
         _write(csv_path, LINES_HEADER, _lines(tracked))
     if centers is not None:
         _write(centers, CENTERS_HEADER, _centers(tracked))
-    _report(tracked, _scored(source, tracked), as_json)
+    _report(tracked, Account.of(rig, tracked), _scored(source, tracked), as_json)
     for path in (csv_path, centers, draw, video):
         if path is not None:
             say.story(f"wrote   {path}")
@@ -191,17 +194,17 @@ def _scored(source: "Recording", tracked: list[Bearings]) -> "Score | None":
     return None if truths is None else score(map(Sighting.of, tracked), truths)
 
 
-def _report(tracked: list[Bearings], score: "Score | None", as_json: bool) -> None:
+def _report(tracked: list[Bearings], account: "Account", score: "Score | None", as_json: bool) -> None:
     counts = [len(frame.track_id) for frame in tracked]
     ids = {int(i) for frame in tracked for i in frame.track_id}
-    bad = [frame for frame in tracked if frame.reasons]
-    reasons = sorted({reason for frame in bad for reason in frame.reasons})
+    notes = {about: text for about, text in account.notes().items() if about != "frames"}  # all are counted here
     if as_json:
         say.json_result(
             {
                 "frames": len(tracked),
-                "frames_unusable": len(bad),
-                "reasons": reasons,
+                "frames_unusable": account.unusable,
+                "reasons": account.reasons,
+                "notes": notes,
                 "tracks": len(ids),
                 **_tracks(tracked),
                 "sightings": sum(counts),
@@ -218,8 +221,12 @@ def _report(tracked: list[Bearings], score: "Score | None", as_json: bool) -> No
         f"{len(tracked)} frames · {sum(counts) / len(counts):.1f} lines a frame · {len(ids)} tracks"
         + (f", {moving} of them moving" if moving else "")
     )
-    if bad:
-        say.result(f"{len(bad)} frames could not be used: {'; '.join(reasons)}")
+    if account.unusable:
+        say.result(f"{account.unusable} frames could not be used")
+    for reason, times in account.reasons.items():
+        say.result(f"  {times:>6}  {reason}")
+    for text in notes.values():
+        say.result(text)
     for row in [] if score is None else score.words():
         say.result(row)
 

@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from omnivert.bench.vision import raw
 from omnivert.cli import drawn
 from omnivert.cli.drawn import CODECS, Video, fitted, frame_rate_hz
 from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, PixelFormat
 from omnivert.vision.frontend import FrontEnd
+from omnivert.vision.image import grey_from_frame
 from omnivert.wire.channels import FRAME
-from omnivert.wire.recording import RecordingWriter
+from omnivert.wire.recording import Recording, RecordingWriter
 
 LOOKS = ("polarity", "inner_px", "outer_px", "quality", "moving")
 MEETING = ("meeting_u_px", "meeting_v_px", "meeting_std_px", "meeting_used")
@@ -131,6 +133,60 @@ def test_what_is_not_known_stays_empty_and_null(omnivert: Any, straight: Path, t
     assert {row[name] for row in _rows(tmp_path / "c.csv") for name in ("std_px", *MEETING)} == {""}
     assert (ran.json["moving_tracks"], ran.json["meeting"], ran.json["ring"]["median_std_px"]) == (None, None, None)
     assert omnivert("track", straight).out.splitlines()[0].endswith(" tracks")
+
+
+@pytest.fixture
+def spoilt(straight: Path, tmp_path: Path) -> Path:
+    """The straight drive; frames 5 to 9 are half black, 12 and 13 cut off, 15 is all white."""
+    source, path, index = Recording(straight), tmp_path / "spoilt.mcap", -1
+    config = source.config(Config())
+    with RecordingWriter(path, config) as writer:
+        for key, message in source.messages():
+            if isinstance(message, Frame):
+                index += 1
+                picture = grey_from_frame(message).copy()
+                if 5 <= index <= 9:
+                    picture[240:] = 0
+                if index == 15:
+                    picture[:] = 255
+                if index not in (12, 13):
+                    message = raw(picture, message.stamp_ns)
+                else:
+                    message = replace(message, data=message.data[: message.data.size // 2].copy())
+            writer.write(key, message)
+    return path
+
+
+def test_what_was_wrong_with_frames_is_counted_and_named(omnivert: Any, spoilt: Path) -> None:
+    told = omnivert("track", spoilt, "--json").json
+    expected = {
+        "50 % of the ring is black": 5,
+        "jpeg frame is cut off": 2,
+        "ring not in the picture; last one held": 1,
+        "no lines": 1,
+        "100 % of the ring is white": 1,
+    }
+    assert told["reasons"] == expected
+    assert next(iter(told["reasons"])) == "50 % of the ring is black"
+    assert told["frames_unusable"] == 3
+    assert told["notes"] == {}
+    rows = [row.split(maxsplit=1) for row in omnivert("track", spoilt).out.splitlines()]
+    assert ["3", "frames could not be used"] in rows
+    assert {row[1]: int(row[0]) for row in rows if row[-1] in expected} == expected
+
+
+def test_a_ring_that_is_not_where_it_is_configured_is_told(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    source, path = Recording(straight), tmp_path / "moved.mcap"
+    config = source.config(Config())
+    u, v = config.ring.center_px
+    ring = config.ring.model_copy(update={"center_px": (u + 28.0, v)})
+    with RecordingWriter(path, config.model_copy(update={"ring": ring})) as writer:
+        for key, message in source.messages():
+            writer.write(key, message)
+    told = omnivert("track", path, "--json").json["notes"]
+    assert set(told) == {"ring"}
+    assert told["ring"] in omnivert("track", path).out.splitlines()
+    assert omnivert("track", straight, "--json").json["notes"] == {}
 
 
 def test_a_video_has_every_frame_in_the_size_of_the_pictures_at_the_pace_of_the_stamps(

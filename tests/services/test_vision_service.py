@@ -1,7 +1,7 @@
 """What the vision service does around its front end; the front end is replaced by one that only takes notes."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -16,9 +16,13 @@ MS = 1_000_000
 
 
 class NotingFrontEnd:
-    """Bearings without lines; remembers the stamps of the frames that it was given."""
+    """Bearings without lines; remembers the stamps of the frames that it was given.
+
+    says  the reasons of the frames with these stamps; they have a line where the text begins with "lines"
+    """
 
     made: list["NotingFrontEnd"]
+    says: ClassVar[dict[int, tuple[str, ...]]] = {}
 
     def __init__(self, config: Config) -> None:
         self.stamps: list[int] = []
@@ -26,8 +30,10 @@ class NotingFrontEnd:
 
     def step(self, frame: Frame) -> Bearings:
         self.stamps.append(frame.stamp_ns)
-        none = np.zeros(0)
-        return Bearings(frame.stamp_ns, none.astype(np.int64), none, none, none.astype(np.int32), none.astype("f4"))
+        reasons = self.says.get(frame.stamp_ns, ())
+        one = np.full(int(any(reason.startswith("lines") for reason in reasons)), 0.5)
+        whole = one.astype(np.int64), one, one, one.astype(np.int32), one.astype("f4")
+        return Bearings(frame.stamp_ns, *whole, reasons=reasons)
 
 
 class QuietBus:
@@ -38,6 +44,8 @@ class QuietBus:
         self.published: list[int] = []
         self.refused: dict[str, int] = {}
         self.answered: list[int] = []
+        self.notes: dict[str, str | None] = {}
+        self.noted: list[str | None] = []  # about frames, as it came
 
     def listen(self, channel: Channel) -> Iterator[Received | None]:
         yield None
@@ -48,6 +56,11 @@ class QuietBus:
 
     def refuse(self, reason: str, times: int = 1) -> None:
         self.refused[reason] = self.refused.get(reason, 0) + times
+
+    def note(self, text: str | None, about: str) -> None:
+        self.notes[about] = text
+        if about == "frames":
+            self.noted.append(text)
 
     def done(self, received: Received) -> None:
         self.answered.append(received.message.stamp_ns)
@@ -93,3 +106,34 @@ def test_another_playback_may_begin_at_any_stamp(monkeypatch: pytest.MonkeyPatch
     bus, made = served(monkeypatch, *first, *second)
     assert [front_end.stamps for front_end in made if front_end.stamps] == [[5000 * MS, 5033 * MS], [0, 33 * MS]]
     assert bus.refused == {}
+
+
+S = 10**9
+LOST, SLOW = "ring not in the picture", "lines are 12 of 30"
+
+
+def test_the_reasons_of_the_last_frames_are_counted_in_a_note_and_gone_with_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    says = {k * S // 2: (LOST, SLOW) if k % 2 else (LOST,) for k in range(1, 7)}
+    monkeypatch.setattr(NotingFrontEnd, "says", says)
+    bus, _ = served(monkeypatch, *frames(*(k * S // 2 for k in range(40))))
+    assert bus.noted[0] is None
+    assert bus.noted[3] == f"last 7 frames: {LOST} (6), {SLOW} (3)"
+    assert bus.noted[11] == f"last 21 frames: {LOST} (5), {SLOW} (2)"
+    assert bus.noted[14] is None
+    assert bus.notes == {"frames": None, "ring": None, "mirror": None}
+
+
+def test_frames_without_a_line_are_counted_by_their_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
+    says = {1 * MS: (LOST,), 2 * MS: (LOST, "no lines"), 3 * MS: (SLOW,)}
+    monkeypatch.setattr(NotingFrontEnd, "says", says)
+    bus, _ = served(monkeypatch, *frames(*(k * MS for k in range(5))))
+    assert bus.refused == {LOST: 2, "no lines": 1}
+
+
+def test_another_playback_begins_without_the_notes_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(NotingFrontEnd, "says", {k * MS: (LOST,) for k in range(3)})
+    first, second = frames(0, 1 * MS, 2 * MS, replay=True), frames(9 * MS, run=b"run-2", replay=True)
+    assert served(monkeypatch, *first)[0].notes["frames"] is not None
+    assert served(monkeypatch, *first, *second)[0].notes["frames"] is None
