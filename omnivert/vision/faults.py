@@ -27,6 +27,7 @@ _GRID_PX = 8
 _REMEMBERED = 31  # frames
 _KNOWN_FRAMES, _KNOWN_LINES = 3, 10  # from which on there is something to compare with
 _ALL_BARE = 0.9
+_MANY_TIMES = 2.0
 _FEWER_EDGES, _SHORTER_LINES = 0.65, 0.7  # 2 deg of turn leave 0.48 and 0.60; healthy pictures vary by a tenth
 
 
@@ -65,11 +66,11 @@ class FaultFinder:
             return [f"{_tens(black)} % of the ring is black", *told]
         if white > _MUCH:
             return [f"{_tens(white)} % of the ring is white", *told]
-        if rest > _MUCH:
+        if rest > 0.0:
             return [f"picture breaks off: its last {_tens(rest)} % are one grey", *told]
         looks = self._looks((u, v), edges, lines)
         told = [*self._against_before(looks), *told]
-        if found is not None and not found.reason:
+        if found is not None and not found.reason and not self._is_passing_by(lines):
             self._before.append(looks)
         return told
 
@@ -90,6 +91,11 @@ class FaultFinder:
         bare, points = _edge_spread(edges.u_px, edges.v_px, step, *center, r_min, r_max, _SECTORS, _BARE)
         density = points / max(_SECTORS * (1.0 - bare), 1.0)
         return _Looks(bare, density, lines.angle_rad.size, float(np.sum(lines.strength)))
+
+    def _is_passing_by(self, lines: Lines) -> bool:
+        """Whether there are many lines too many at once, as of blinds; after them a good picture would look smeared."""
+        before, kept = self._before, lines.angle_rad.size
+        return lines.found > kept > _MANY_TIMES * median(seen.lines for seen in before) if before else False
 
     def _against_before(self, now: _Looks) -> list[str]:
         """Blur takes away edge points and lines all around, a cover all of them in a part."""

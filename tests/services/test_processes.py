@@ -121,6 +121,9 @@ def test_at_full_speed_through_the_processes_the_results_are_those_of_offline_by
         found = health[service]
         assert [found.gaps, found.dropped, found.refused, found.reordered] == [{}, {}, {}, {}]
     assert health["vision"].latency_p50_ms is not None
+    assert [note.partition(": ")[2].partition(" ")[2] for note in health["vision"].notes] == [
+        f"lines found, the strongest 40 kept ({health['vision'].notes[0].split()[1]})"
+    ]
 
 
 def test_what_a_calibration_that_has_gone_for_good_has_claimed_is_told_by_storage(file: Path, part: Path) -> None:

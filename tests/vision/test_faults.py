@@ -181,6 +181,19 @@ def test_tracks_go_on_when_the_blinds_are_gone_again(bad: int, least: float) -> 
     assert np.isin(through, seen[BEFORE + bad].track_id).mean() > least
 
 
+def test_a_good_picture_after_many_of_blinds_is_no_smear(drive: Drive, good: Grey) -> None:
+    blinds = venetian(drive.config, 3000)
+    assert _told(drive, *[blinds] * 20, good)[-1].reasons == ()
+
+
+def test_a_smear_is_told_by_one_who_keeps_few_lines(drive: Drive, good: Grey) -> None:
+    vision = drive.config.vision.model_copy(update={"max_lines": 40})
+    front = FrontEnd(drive.config.model_copy(update={"vision": vision}))
+    for frame in drive.frames[:BEFORE]:
+        assert len(front.step(frame).reasons) == 1
+    assert SMEARED in front.step(raw(turned(good, drive.config.ring.center_px, np.deg2rad(9.0)), 10**12)).reasons
+
+
 def test_3000_edges_cost_a_bounded_multiple_of_a_normal_frame(drive: Drive, good: Grey) -> None:
     """Least of some in one run, one after the other: what else the machine does can only add to either."""
     pictures = {"corridor": good, "blinds": venetian(drive.config, 3000)}
