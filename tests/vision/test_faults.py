@@ -126,6 +126,24 @@ def test_a_part_without_edges_is_told_when_it_had_some(drive: Drive, good: Grey)
     assert [_number(reason) for reason in told if reason.startswith("hardly an edge")] in ([40], [50])
 
 
+def test_a_cover_of_the_whole_ring_is_no_smear(drive: Drive, good: Grey) -> None:
+    radius, _ = polar(good.shape, drive.config.ring.center_px)
+    told = _told(drive, np.where(radius < drive.config.ring.r_max_px - 3.0, 110, good).astype(np.uint8))[0].reasons
+    assert [_number(reason) for reason in told if reason.startswith("hardly an edge")] == [100]
+    assert SMEARED not in told
+
+
+def test_white_is_told_by_area(drive: Drive, good: Grey) -> None:
+    """The outer half of the radii is more than half of the ring."""
+    radius, _ = polar(good.shape, drive.config.ring.center_px)
+    ring = drive.config.ring
+    outer = (radius > 0.5 * (ring.r_min_px + ring.r_max_px)) & (radius < ring.r_max_px - 3.0)
+    told = _told(drive, np.where(outer, 255, good).astype(np.uint8))[0].reasons
+    white = [_number(reason) for reason in told if reason.endswith("white")]
+    assert len(white) == 1
+    assert abs(white[0] - 100.0 * _share(drive, outer)) <= 7.0
+
+
 def test_a_bare_room_is_no_fault(scene: Callable[..., Grey], drive: Drive) -> None:
     angles = np.array([-2.0, -1.0, 0.5, 2.0])
     front = FrontEnd(drive.config)
@@ -153,6 +171,17 @@ def test_more_lines_than_are_kept_are_told_with_both_numbers(drive: Drive, edges
     assert len(told) == 1
     assert most < int(told[0].split()[0]) <= edges
     assert seen.track_id.size <= most
+
+
+def test_how_many_lines_are_found_does_not_hang_on_how_many_are_kept(drive: Drive) -> None:
+    found = []
+    for most in (40, 2000):
+        vision = drive.config.vision.model_copy(update={"max_lines": most})
+        work = Work(raw(venetian(drive.config, 700), 0))
+        for stage in FrontEnd(drive.config.model_copy(update={"vision": vision})).stages:
+            stage.run(work)
+        found.append(work.lines.found)
+    assert found[0] == pytest.approx(found[1], rel=0.2)
 
 
 def test_as_many_lines_as_are_kept_are_no_fault(drive: Drive, good: Grey) -> None:
