@@ -52,8 +52,7 @@ class Lines(NamedTuple):
 
 
 def no_lines() -> Lines:
-    none = np.empty(0)
-    return Lines(none, none, none.astype(np.int64), *(none,) * 7)
+    return Lines(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), *(np.empty(0),) * 7)
 
 
 def lines_from_edges(
@@ -207,9 +206,8 @@ def sector_lines(votes: Votes, ring: MirrorRing, center_std: float, vision: Visi
     sector_std = TURN / vision.sectors / np.sqrt(12.0)
     std = np.full(at.size, np.hypot(max(sector_std, np.deg2rad(vision.bearing_std_deg)), center_std / length))
     inner, outer = np.full(at.size, ring.r_min_px), np.full(at.size, ring.r_max_px)
-    none, strength = np.zeros(at.size), np.minimum(histogram[at] / length, 1.0)
-    polarity, lean_std = none.astype(np.int64), np.full(at.size, np.inf)
-    return Lines(angle, std, polarity, strength, inner, outer, none, none, lean_std, none, peaks.size)
+    none, any_lean, strength = np.zeros(at.size), np.full(at.size, np.inf), np.minimum(histogram[at] / length, 1.0)
+    return Lines(angle, std, none.astype(np.int64), strength, inner, outer, none, none, any_lean, none, peaks.size)
 
 
 def strongest(at: Int, histogram: Float, count: int) -> Int:
@@ -228,18 +226,16 @@ def refined_lines(
     # narrow bar would suppress each other; and a fit, because a sector is much wider than what the points can tell
     # (robust sigma on the corridor, same ring centre: 2.9 mrad at the middle of a sector, 0.7 mrad fitted).
     """
-    sectors = vision.sectors
+    sectors, left_out = vision.sectors, 0
     half, reach = round(_WIDE_RAD / TURN * sectors), max(round(_REACH_RAD / TURN * sectors), 1)
     least = min(vision.min_length, vision.min_length_continued) * length
     table = _polar_histograms(votes.angle_rad, votes.extent_px, votes.polarity, sectors)
     starts: list[Float] = []
     polarities: list[Int] = []
-    left_out = 0
     owner = np.full((2, sectors), -1, dtype=np.int64)  # the line that a sector's points belong to
     for row, sign in enumerate((1, -1)):
         wide = _widened(table[row], half)
-        peaks = np.flatnonzero(_peaks(wide, least, reach))
-        at = strongest(peaks, wide, vision.max_lines)
+        at = strongest(peaks := np.flatnonzero(_peaks(wide, least, reach)), wide, vision.max_lines)
         left_out += peaks.size - at.size
         _take_sectors(owner[row], at, reach, sum(a.size for a in starts))
         starts.append(wrap(((at + 0.5) * (TURN / sectors) - np.pi).astype(np.float64)))
