@@ -25,6 +25,7 @@ HOUSE = (
 )
 VISION = (
     "image",
+    "arctangent",
     "edges",
     "rim",
     "ring",

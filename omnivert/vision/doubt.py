@@ -69,12 +69,11 @@ def _clipped_share(
     height, width = grey.shape
     share = np.zeros(angle.size)
     for i in range(angle.size):
+        cos, sin = np.cos(angle[i]), np.sin(angle[i])
         for k in range(_SAMPLES):
             radius = inner[i] + (outer[i] - inner[i]) * (k + 0.5) / _SAMPLES
-            if radius <= 0.0:
-                continue
-            a = angle[i] + slant[i] * (1.0 / radius - 1.0 / horizon) + polarity[i] * _BESIDE_PX / radius
-            u, v = int(center_u + radius * np.cos(a) + 0.5), int(center_v - radius * np.sin(a) + 0.5)
-            if 0 <= u < width and 0 <= v < height and grey[v, u] >= _WHITE:
+            across = slant[i] * (1.0 - radius / horizon) + polarity[i] * _BESIDE_PX
+            u, v = center_u + radius * cos - across * sin, center_v - radius * sin - across * cos
+            if -0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5 and grey[int(v + 0.5), int(u + 0.5)] >= _WHITE:
                 share[i] += 1.0 / _SAMPLES
     return share

@@ -62,15 +62,27 @@ def tone_of_light(grey: Grey, band: Band) -> Array:
     # response then moves every edge towards its dark side (robust sigma on the corridor 0.69 mrad, 0.51 so). White is
     # halfway between this picture's and a usual one: dim edges are found, and most noise is not.
     """
-    u, v, inner, outer = band[:4]
-    some = grey[::_GRID_PX, ::_GRID_PX]
-    away = (np.arange(0, grey.shape[0], _GRID_PX)[:, None] - v) ** 2 + (np.arange(0, grey.shape[1], _GRID_PX) - u) ** 2
-    inside = some[(away >= inner**2) & (away <= outer**2)]
+    inside = _inside(grey, *band[:4])
     if inside.size == 0:
         return PLAIN
     rank = int(_WHITE_SHARE * (inside.size - 1))
     white = max(float(np.partition(inside, rank)[rank]), _DARKEST_WHITE)
     return np.asarray(255.0 * (PLAIN / np.sqrt(white * _USUAL_WHITE)) ** _EXPONENT, dtype=np.float32)
+
+
+@compiled
+def _inside(grey: Grey, center_u: float, center_v: float, inner: float, outer: float) -> Grey:
+    """Some of the pixels between two distances from a point."""
+    height, width = grey.shape
+    some = np.empty(((height - 1) // _GRID_PX + 1) * ((width - 1) // _GRID_PX + 1), dtype=np.uint8)
+    count = 0
+    for v in range(0, height, _GRID_PX):
+        for u in range(0, width, _GRID_PX):
+            square = (u - center_u) ** 2 + (v - center_v) ** 2
+            if inner * inner <= square <= outer * outer:
+                some[count] = grey[v, u]
+                count += 1
+    return some[:count]
 
 
 class EdgeFinder:

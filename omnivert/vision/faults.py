@@ -101,7 +101,7 @@ class FaultFinder:
         """Blur takes away edge points and lines all around, a cover all of them in a part."""
         if len(self._before) < _KNOWN_FRAMES:
             return []
-        usual = _Looks(*(median(values) for values in zip(*self._before, strict=True)))
+        usual = _Looks(*np.partition(np.array(self._before), len(self._before) // 2, axis=0)[len(self._before) // 2])
         thin = now.density < _FEWER_EDGES * usual.density and now.strength < _SHORTER_LINES * usual.strength
         if now.bare > usual.bare + _MUCH and (now.bare > _ALL_BARE or not thin):
             return [f"hardly an edge in {_tens(now.bare)} % of the ring, more than before"]

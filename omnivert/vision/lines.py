@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from omnivert.angles import TURN, wrap
 from omnivert.compiled import compiled
 from omnivert.config import MirrorRing, Vision
+from omnivert.vision.arctangent import arctan2
 from omnivert.vision.edges import Array, Edges
 
 Float = NDArray[np.float64]
@@ -18,6 +19,7 @@ _WIDE_RAD = np.deg2rad(0.5)  # votes this far on either side of a sector still c
 _REACH_RAD = np.deg2rad(1.0)  # and this far on either side of a peak belong to its line
 _SAME_RAD = 0.008  # two lines of one polarity that end up this close are one
 _WIDTHS_PX = np.array((4.0, 2.5, 1.5, 1.0))  # points farther off a line have no say; step after step of the fit
+_FADE_WIDTHS = 2.0
 _ON_LINE_PX = 1.5  # this far off a point still counts for its line's length
 _CORRELATED_PX = 4.0  # neighbouring points of an edge share their error over about this many
 
@@ -125,7 +127,7 @@ def _votes(
             continue
         radius = np.sqrt(square)
         slant = (dv * meeting_u - du * meeting_v) / radius
-        angle = _arctan2(-dv, du) - slant * (1.0 / radius - 1.0 / horizon)
+        angle = arctan2(-dv, du) - slant * (1.0 / radius - 1.0 / horizon)
         if angle > np.pi:
             angle -= TURN
         elif angle <= -np.pi:
@@ -136,19 +138,6 @@ def _votes(
         polarity[count] = 1 if across >= 0.0 else -1
         count += 1
     return table[:, :count], polarity[:count]
-
-
-@compiled
-def _arctan2(y: float, x: float) -> float:
-    """Right to 8e-8 rad, for a third of the time; (0, 0) gives 0."""
-    a, b = abs(x), abs(y)
-    t = min(a, b) / max(max(a, b), 1e-300)
-    s = t * t
-    rest = s * (0.09906096896 - s * (0.05936710079 - s * (0.02416618952 - s * 0.00466877331)))
-    angle = t * (0.99999989775 - s * (0.33331959725 - s * (0.19969235395 - s * (0.14016585042 - rest))))
-    angle = 0.5 * np.pi - angle if b > a else angle
-    angle = np.pi - angle if x < 0.0 else angle
-    return -angle if y < 0.0 else angle
 
 
 def sector_histogram(angle: Float, weight: Float | None, sectors: int) -> Float:
@@ -286,49 +275,48 @@ def _fits(
     """
     lines, sectors = start.size, owner.shape[1]
     fit = np.zeros((8, lines))
-    fit[0] = start
-    line = np.empty(theta.size, dtype=np.int64)
+    fit[0], fit[3] = start, np.inf
+    point, line = np.empty(theta.size + 1, dtype=np.int64), np.empty(theta.size + 1, dtype=np.int64)
+    count = 0
     for k in range(theta.size):
-        line[k] = owner[0 if polarity[k] > 0 else 1, int((theta[k] / TURN + 0.5) * sectors) % sectors]
-    for width in widths:
-        total = np.zeros((7, lines))
-        fit[2], fit[3], fit[4] = 0.0, np.inf, 0.0
-        for k in range(theta.size):
-            i = line[k]
-            if i < 0:
-                continue
+        i = owner[0 if polarity[k] > 0 else 1, int((theta[k] / TURN + 0.5) * sectors) % sectors]
+        point[count], line[count] = k, i
+        count += i >= 0
+    for step in range(widths.size):
+        width, last = widths[step], step == widths.size - 1
+        total = np.zeros((lines, 8))
+        kept = 0
+        for m in range(count):
+            k, i = point[m], line[m]
             r = radius[k]
             off = theta[k] - fit[0, i]
-            if off > np.pi:
-                off -= TURN
-            elif off < -np.pi:
-                off += TURN
-            e = r * off
-            if abs(e) <= max(width, on_line):
+            e = r * (off - TURN * np.rint(off / TURN))
+            point[kept], line[kept] = k, i  # farther off, it will have no say in the next steps either
+            kept += abs(e) < _FADE_WIDTHS * width
+            if last and abs(e) <= on_line:
                 fit[2, i] += extent[k]
                 fit[3, i], fit[4, i] = min(fit[3, i], r), max(fit[4, i], r)
-            near = 1.0 - (e / width) ** 2
-            if near < 0.0:
-                continue
+            near = max(1.0 - (e / width) ** 2, 0.0)
             weight = near * near * extent[k]
             g = 1.0 - r / horizon
-            total[0, i] += weight
-            total[1, i] += weight * r * r
-            total[2, i] += weight * r * e
-            total[3, i] += weight * e * e
-            total[4, i] += weight * g * r
-            total[5, i] += weight * g * g
-            total[6, i] += weight * g * e
+            total[i, 0] += weight
+            total[i, 1] += weight * r * r
+            total[i, 2] += weight * r * e
+            total[i, 3] += weight * e * e
+            total[i, 4] += weight * g * r
+            total[i, 5] += weight * g * g
+            total[i, 6] += weight * g * e
+        count = kept
         for i in range(lines):
-            square = max(total[1, i], 1.0)
-            turn = total[2, i] / square
+            square = max(total[i, 1], 1.0)
+            turn = total[i, 2] / square
             fit[0, i] += turn
-            fit[7, i] = total[4, i] / square
-            variance = correlated * max(total[3, i] / max(total[0, i], 1e-9), 0.02)
+            fit[7, i] = total[i, 4] / square
+            variance = correlated * max(total[i, 3] / max(total[i, 0], 1e-9), 0.02)
             fit[1, i] = np.sqrt(variance / square)
-            rest = total[5, i] - total[4, i] ** 2 / square  # of g, once the angle has taken its part
+            rest = total[i, 5] - total[i, 4] ** 2 / square  # of g, once the angle has taken its part
             if rest > 1e-9:
-                fit[5, i] = (total[6, i] - total[4, i] * turn) / rest
+                fit[5, i] = (total[i, 6] - total[i, 4] * turn) / rest
                 fit[6, i] = np.sqrt(variance / rest)
             else:
                 fit[5, i], fit[6, i] = 0.0, np.inf

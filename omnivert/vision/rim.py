@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from omnivert.angles import TURN
 from omnivert.compiled import compiled
+from omnivert.vision.arctangent import arctan2
 from omnivert.vision.edges import Array, Edges
 
 Float = NDArray[np.float64]
@@ -23,7 +24,7 @@ _CORRELATED = 3.0  # neighbouring points share their errors: the claimed sigma i
 _MIN_EDGES = 30
 _WIDTHS = (3.3, 2.0, 1.3)  # points farther off the rim have no say; step after step, of what lies on it
 _TAIL = 3.0  # sigmas, in the last steps
-_SETTLED_PX = 0.003
+_SETTLED_PX = 0.01
 _BEST_PX = 0.05  # no edge point is better than this
 
 
@@ -286,7 +287,7 @@ def _rim_share(
         e = distance - radius - even * (cos * cos - sin * sin) - odd * 2.0 * cos * sin
         if abs(e) > RIM_BAND * on_rim:
             continue
-        place = int((np.arctan2(dv, du) / TURN + 0.5) * _BINS) % _BINS
+        place = int((arctan2(dv, du) / TURN + 0.5) * _BINS) % _BINS
         if strength[k] > strongest[place]:
             strongest[place], off[place] = strength[k], abs(e)
     taken = on = 0
