@@ -20,6 +20,7 @@ from omnivert.vision.panorama import line_rows
 from omnivert.vision.ring import RingFinder, RingFound
 from omnivert.vision.tracker import Tracked, Tracker
 
+_OTHER_SIZE = 0.02  # by so much a rim may differ from the configured one
 _WORK_RADIUS_PX = 288.0  # of a larger rim; at 256 px the two sides of thin bars run together, at 320 blur costs lines
 
 
@@ -53,12 +54,10 @@ class FrontEnd:
         # Paper: works on the picture as it is. Here: on one whose rim has a radius of 288 pixels at most, because
         # a lens spreads its edges over more pixels of a finer sensor, and time would grow with them.
         self._scale = 1.0 if self._paper else min(_WORK_RADIUS_PX / config.ring.r_max_px, 1.0)
-        self._ring = _scaled(config.ring, self._scale)
         self._size = round(self._camera.width_px * self._scale), round(self._camera.height_px * self._scale)
         self._edges = EdgeFinder(config.vision.edge_min_magnitude)
-        self._finder = RingFinder(self._ring, config.vision)
-        self._meeting = MeetingFinder(self._ring)
-        self._faults = FaultFinder(self._ring)
+        self._finder = RingFinder(_scaled(config.ring, self._scale), config.vision)
+        self._take_ring(_scaled(config.ring, self._scale))
         self._tracker = Tracker(config.vision)
         self.stages = (
             Stage("decode", self._decode),
@@ -70,6 +69,11 @@ class FrontEnd:
             Stage("tracking", self._track),
         )
         """In order; `step` is `Work`, all of them, `bearings`."""
+
+    def _take_ring(self, ring: MirrorRing) -> None:
+        self._ring = ring
+        self._meeting = MeetingFinder(ring)
+        self._faults = FaultFinder(ring)
 
     def step(self, frame: Frame) -> Bearings:
         work = Work(frame)
@@ -155,8 +159,12 @@ class FrontEnd:
         work.found = self._finder.step(edges, edges_of)
         if work.found is None:
             work.reasons.append("ring not in the picture")
-        elif work.found.reason:
+            return
+        if work.found.reason:
             work.reasons.append(work.found.reason)
+        times = work.found.circle.radius_px / self._ring.r_max_px
+        if abs(times - 1.0) > _OTHER_SIZE and not self._paper:  # all of the mirror is of another size than configured
+            self._take_ring(_resized(self._ring, times))
 
     def _find_lines(self, work: Work) -> None:
         grey, edges = work.grey, work.edges
@@ -196,8 +204,11 @@ class FrontEnd:
 
 def _scaled(ring: MirrorRing, scale: float) -> MirrorRing:
     """The ring as it is in a picture shrunk by so much."""
-    if scale == 1.0:
-        return ring
     u, v = ((place + 0.5) * scale - 0.5 for place in ring.center_px)
-    r_min, r_max, horizon = (radius * scale for radius in (ring.r_min_px, ring.r_max_px, ring.horizon_px))
-    return MirrorRing(center_px=(u, v), r_min_px=r_min, r_max_px=r_max, horizon_px=horizon)
+    return _resized(ring, scale).model_copy(update={"center_px": (u, v)}) if scale != 1.0 else ring
+
+
+def _resized(ring: MirrorRing, times: float) -> MirrorRing:
+    """The ring with its radii so many times as large, about the same centre."""
+    r_min, r_max, horizon = (times * radius for radius in (ring.r_min_px, ring.r_max_px, ring.horizon_px))
+    return MirrorRing(center_px=ring.center_px, r_min_px=r_min, r_max_px=r_max, horizon_px=horizon)

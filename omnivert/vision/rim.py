@@ -24,7 +24,7 @@ _CORRELATED = 3.0  # neighbouring points share their errors: the claimed sigma i
 _MIN_EDGES = 30
 _WIDTHS = (3.3, 2.0, 1.3)  # points farther off the rim have no say; step after step, of what lies on it
 _TAIL = 3.0  # sigmas, in the last steps
-_SETTLED_PX = 0.01
+_SETTLED_PX = 0.003
 _BEST_PX = 0.05  # no edge point is better than this
 
 

@@ -23,6 +23,10 @@ _SHAKE_PX = 1.0  # how far a lost rim may have moved, each frame
 _STEP_PX = 6.0  # how far from the last centre a rim is looked for that was just seen
 _STILL = 0.8  # a rim of this share of the last quality is taken to be the last one, without looking around
 _LEARNT_FRAMES = 50  # the rim's shape is averaged over this many frames
+_OTHER_SIZES = tuple(1.0 + sign * 0.03 * k for k in range(1, 8) for sign in (1.0, -1.0))
+_FINE_SIZES = tuple(1.0 + 0.005 * k for k in range(-3, 4))
+_SURE_QUALITY = 0.8  # the whole rim, nearly: it is of the configured size
+_OTHER_QUALITY = 0.5  # share of a rim that is not of the configured size that must be seen
 _SHAPE_FLOOR_PX = 0.05  # and never believed to be known better
 
 
@@ -89,6 +93,8 @@ class RingFinder:
             circle = circle_near(wide, self._expected, shape, vision.ring_search_px, refine=refine)
         if not self._seen(circle):
             circle = circle_anywhere(edges_of(None), shape, refine=refine)
+        if self._good is None and refine and (circle is None or circle.quality < _SURE_QUALITY):
+            circle = self._of_other_size(circle, edges_of(None))
         if circle is not None and self._seen(circle):
             self._good, self._lost_frames = circle, 0
             if refine:
@@ -100,6 +106,28 @@ class RingFinder:
         std = float(np.hypot(self._good.std_px, _SHAKE_PX * np.sqrt(self._lost_frames)))
         quality = 0.0 if circle is None else min(circle.quality, vision.ring_min_quality)
         return RingFound(self._good._replace(quality=quality, std_px=std), "ring not in the picture; last one held")
+
+    def _of_other_size(self, circle: Circle | None, edges: Edges) -> Circle | None:
+        """A rim that is not of the configured size, before one has been seen, when it is clearer than `circle`.
+
+        A circle of the wrong size can lie along half a rim, so that all sizes are tried then; of none, one a frame.
+        """
+        sizes = _OTHER_SIZES
+        if not self._seen(circle):
+            sizes = sizes[self._lost_frames % len(sizes) :][:1]
+        for times in sizes:
+            other = circle_anywhere(edges, configured_shape(times * self._ring.r_max_px))
+            least = max(_OTHER_QUALITY, self._vision.ring_min_quality, 0.0 if circle is None else circle.quality + 0.1)
+            if other is None or other.quality < least:
+                continue
+            # It was found by the part of it that the tried size fits; of nearly this size, all of it is.
+            nearly = (
+                circle_near(edges, other[:2], configured_shape(fine * other.radius_px), _STEP_PX)
+                for fine in _FINE_SIZES
+            )
+            circle = max((c for c in (other, *nearly) if c is not None), key=lambda c: c.quality)
+            self._shape = configured_shape(circle.radius_px)
+        return circle
 
     @property
     def _expected(self) -> tuple[float, float]:
