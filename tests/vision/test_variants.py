@@ -22,9 +22,9 @@ AS_PLAIN = Limits(
     recall=0.92,
     precision=0.90,
     correct_lines=45.0,
-    right_percent=98.3,
-    false_percent=0.6,
-    new_percent=1.2,
+    right_percent=97.8,  # 28 frames have 1600 links, and one mistake makes about three: these figures vary by 0.2
+    false_percent=0.8,
+    new_percent=1.5,
     repeatability=0.97,
     sigma_mrad=0.6,
     normalised=(0.8, 1.2),
@@ -32,31 +32,31 @@ AS_PLAIN = Limits(
 )
 HELD = {
     "raw": AS_PLAIN,
-    "gain 0.6": replace(AS_PLAIN, correct_lines=41.0, right_percent=98.0, false_percent=1.0),
-    "gain 0.6, truth of 1": replace(AS_PLAIN, recall=0.89, correct_lines=41.0, right_percent=98.0, false_percent=1.0),
+    "gain 0.6": replace(AS_PLAIN, correct_lines=41.0, false_percent=1.0),
+    "gain 0.6, truth of 1": replace(AS_PLAIN, recall=0.89, correct_lines=41.0, false_percent=1.0),
     "gain 1.5": AS_PLAIN,
     "gain 2.0": replace(
         AS_PLAIN, recall=0.77, precision=0.86, correct_lines=35.5, sigma_mrad=1.2, normalised=(0.7, 1.3), ring_px=0.15
     ),
     "gain swelling": AS_PLAIN,
-    "gain flickering": replace(AS_PLAIN, correct_lines=43.0, right_percent=98.0, false_percent=0.8),
+    "gain flickering": replace(AS_PLAIN, correct_lines=43.0),
     "gamma 0.7": replace(AS_PLAIN, sigma_mrad=0.75, normalised=(0.8, 1.35)),
     "noise 4": replace(AS_PLAIN, precision=0.88, sigma_mrad=0.65),
     "blur 1": replace(AS_PLAIN, recall=0.90, correct_lines=38.0, sigma_mrad=0.95, normalised=(0.8, 1.65)),
-    "jpeg 60": replace(AS_PLAIN, correct_lines=43.5, right_percent=98.0, sigma_mrad=0.8, normalised=(0.8, 1.35)),
+    "jpeg 60": replace(AS_PLAIN, correct_lines=43.5, sigma_mrad=0.8, normalised=(0.8, 1.35)),
     "mirrored": AS_PLAIN,
     "320 x 240": replace(
         AS_PLAIN, recall=0.895, correct_lines=40.0, new_percent=1.5, sigma_mrad=1.5, normalised=(0.8, 1.75)
     ),
     "1024 x 768": AS_PLAIN,
     "2592 x 1944": replace(AS_PLAIN, false_percent=0.85, ring_px=0.06),
-    "tilted 1 deg": replace(AS_PLAIN, right_percent=98.2, sigma_mrad=0.75, normalised=(0.6, 1.2)),
-    "tilted 3 deg": replace(AS_PLAIN, right_percent=98.0, false_percent=1.0, sigma_mrad=1.5, normalised=(0.5, 1.2)),
+    "tilted 1 deg": replace(AS_PLAIN, sigma_mrad=0.75, normalised=(0.6, 1.2)),
+    "tilted 3 deg": replace(AS_PLAIN, false_percent=1.0, sigma_mrad=1.5, normalised=(0.5, 1.2)),
     "stretched 2 %": AS_PLAIN,
     "cut off": replace(AS_PLAIN, new_percent=1.4, sigma_mrad=0.65),
-    "glare": replace(AS_PLAIN, recall=0.89, correct_lines=39.5, right_percent=98.0, false_percent=0.8),
+    "glare": replace(AS_PLAIN, recall=0.89, correct_lines=39.5),
     "hand on rim": AS_PLAIN,
-    "passing cover": replace(AS_PLAIN, correct_lines=42.0, right_percent=97.0, new_percent=2.7),
+    "passing cover": replace(AS_PLAIN, correct_lines=42.0, right_percent=96.5, new_percent=3.0),
     "half rate": replace(AS_PLAIN, right_percent=96.0, false_percent=0.8, new_percent=3.3),
     "third rate": replace(AS_PLAIN, right_percent=83.0, false_percent=1.8, new_percent=15.5),
     "reversed": AS_PLAIN,
@@ -80,6 +80,15 @@ def plain(part: Drive) -> Run:
 def test_the_figures_hold_when_the_conditions_change(part: Drive, name: str) -> None:
     drive = corridor() if name == "2592 x 1944" else part  # it takes its own part: the end of the straight, too
     assert HELD[name].misses(run(VARIANTS[name](drive)).score) == []
+
+
+def test_lines_that_move_are_told_from_the_static_world() -> None:
+    """On the whole straight and most of the turn; a post sways 9 deg to and fro within 16 frames."""
+    told = run(VARIANTS["moving bar"](corridor())).moving_told
+    assert told is not None
+    of_moving, of_static = told
+    assert of_moving > 0.6
+    assert of_static < 0.01
 
 
 @pytest.mark.parametrize(
