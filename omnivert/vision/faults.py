@@ -1,7 +1,5 @@
 """A picture, its ring, its edges and lines -> what is wrong with the picture, in words fit for `reasons`."""
 
-from collections import deque
-from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +15,7 @@ from omnivert.vision.ring import RingFound
 
 Float = NDArray[np.float64]
 
-_SPOKES, _SECTORS, _RADII = 72, 36, 24  # samples of the ring; two spokes a sector
+_SPOKES, _SECTORS, _RADII = 72, 36, 16  # samples of the ring; two spokes a sector
 _MARGIN_PX = 4.0  # the rim and the camera's own picture are no part of it
 _BLACK, _WHITE = 10, 250  # grey
 _MUCH = 0.2  # of the ring; healthy rings have 0 black, 0.07 white and 0 without edges at most
@@ -53,7 +51,8 @@ class FaultFinder:
         area = (np.arange(_RADII) + 0.5) / _RADII
         self._radius = np.sqrt(r_min**2 + area * (r_max**2 - r_min**2))  # each stands for the same area
         self._cos, self._sin = np.cos(turn), np.sin(turn)
-        self._before: deque[_Looks] = deque(maxlen=_REMEMBERED)
+        self._before = np.empty((_REMEMBERED, len(_Looks._fields)))
+        self._seen = 0
 
     def step(self, grey: Grey, found: RingFound | None, edges: Edges, lines: Lines) -> list[str]:
         """What is wrong, worst first; nothing for a good picture."""
@@ -71,7 +70,8 @@ class FaultFinder:
         looks = self._looks((u, v), edges, lines)
         told = [*self._against_before(looks), *told]
         if found is not None and not found.reason and not self._is_passing_by(lines):
-            self._before.append(looks)
+            self._before[self._seen % _REMEMBERED] = looks
+            self._seen += 1
         return told
 
     def _rest(self, grey: Grey, center_v: float) -> float:
@@ -94,14 +94,20 @@ class FaultFinder:
 
     def _is_passing_by(self, lines: Lines) -> bool:
         """Whether there are many lines too many at once, as of blinds; after them a good picture would look smeared."""
-        before, kept = self._before, lines.angle_rad.size
-        return lines.found > kept > _MANY_TIMES * median(seen.lines for seen in before) if before else False
+        kept = lines.angle_rad.size
+        return self._seen > 0 and lines.found > kept > _MANY_TIMES * self._usual().lines
+
+    def _usual(self) -> _Looks:
+        """The median of what is remembered."""
+        before = self._before[: self._seen]
+        middle = before.shape[0] // 2
+        return _Looks(*np.partition(before, middle, axis=0)[middle].tolist())
 
     def _against_before(self, now: _Looks) -> list[str]:
         """Blur takes away edge points and lines all around, a cover all of them in a part."""
-        if len(self._before) < _KNOWN_FRAMES:
+        if self._seen < _KNOWN_FRAMES:
             return []
-        usual = _Looks(*np.partition(np.array(self._before), len(self._before) // 2, axis=0)[len(self._before) // 2])
+        usual = self._usual()
         thin = now.density < _FEWER_EDGES * usual.density and now.strength < _SHORTER_LINES * usual.strength
         if now.bare > usual.bare + _MUCH and (now.bare > _ALL_BARE or not thin):
             return [f"hardly an edge in {_tens(now.bare)} % of the ring, more than before"]
