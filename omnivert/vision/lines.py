@@ -19,8 +19,8 @@ _WIDE_RAD = np.deg2rad(0.5)  # votes this far on either side of a sector still c
 _REACH_RAD = np.deg2rad(1.0)  # and this far on either side of a peak belong to its line
 _SAME_RAD = 0.008  # two lines of one polarity that end up this close are one
 _WIDTHS_PX = np.array((4.0, 2.5, 1.5, 1.0))  # points farther off a line have no say; step after step of the fit
-_FADE_WIDTHS = 2.0
 _ON_LINE_PX = 1.5  # this far off a point still counts for its line's length
+_LEAST_SPREAD = 0.02  # px^2; no line's points are better
 _CORRELATED_PX = 4.0  # neighbouring points of an edge share their error over about this many
 
 
@@ -274,54 +274,62 @@ def _fits(
     returns  (8, N): angle, sigma, length px, inner and outer radius, lean and its sigma px, lever
     """
     lines, sectors = start.size, owner.shape[1]
-    fit = np.zeros((8, lines))
-    fit[0], fit[3] = start, np.inf
-    point, line = np.empty(theta.size + 1, dtype=np.int64), np.empty(theta.size + 1, dtype=np.int64)
-    count = 0
+    # Points line by line, so that a line's sums stay in registers.
+    line, first = np.empty(theta.size, dtype=np.int64), np.zeros(lines + 2, dtype=np.int64)
     for k in range(theta.size):
-        i = owner[0 if polarity[k] > 0 else 1, int((theta[k] / TURN + 0.5) * sectors) % sectors]
-        point[count], line[count] = k, i
-        count += i >= 0
-    for step in range(widths.size):
-        width, last = widths[step], step == widths.size - 1
-        total = np.zeros((lines, 8))
-        kept = 0
-        for m in range(count):
-            k, i = point[m], line[m]
-            r = radius[k]
-            off = theta[k] - fit[0, i]
-            e = r * (off - TURN * np.rint(off / TURN))
-            point[kept], line[kept] = k, i  # farther off, it will have no say in the next steps either
-            kept += abs(e) < _FADE_WIDTHS * width
-            if last and abs(e) <= on_line:
-                fit[2, i] += extent[k]
-                fit[3, i], fit[4, i] = min(fit[3, i], r), max(fit[4, i], r)
-            near = max(1.0 - (e / width) ** 2, 0.0)
-            weight = near * near * extent[k]
-            g = 1.0 - r / horizon
-            total[i, 0] += weight
-            total[i, 1] += weight * r * r
-            total[i, 2] += weight * r * e
-            total[i, 3] += weight * e * e
-            total[i, 4] += weight * g * r
-            total[i, 5] += weight * g * g
-            total[i, 6] += weight * g * e
-        count = kept
-        for i in range(lines):
-            square = max(total[i, 1], 1.0)
-            turn = total[i, 2] / square
-            fit[0, i] += turn
-            fit[7, i] = total[i, 4] / square
-            variance = correlated * max(total[i, 3] / max(total[i, 0], 1e-9), 0.02)
-            fit[1, i] = np.sqrt(variance / square)
-            rest = total[i, 5] - total[i, 4] ** 2 / square  # of g, once the angle has taken its part
-            if rest > 1e-9:
-                fit[5, i] = (total[i, 6] - total[i, 4] * turn) / rest
-                fit[6, i] = np.sqrt(variance / rest)
-            else:
-                fit[5, i], fit[6, i] = 0.0, np.inf
-            if fit[4, i] == 0.0:
-                fit[3, i] = 0.0
+        line[k] = owner[0 if polarity[k] > 0 else 1, int((theta[k] / TURN + 0.5) * sectors) % sectors]
+        first[line[k] + 2] += 1  # those of no line come first
+    first = np.cumsum(first)
+    point, place = np.empty((3, theta.size)), first[:-1].copy()
+    for k in range(theta.size):
+        at = place[line[k] + 1]
+        place[line[k] + 1] += 1
+        point[0, at], point[1, at], point[2, at] = theta[k], radius[k], extent[k]
+    fit = np.zeros((8, lines))
+    for i in range(lines):
+        low, high = first[i + 1], first[i + 2]
+        fit[:, i] = _fit(point[0, low:high], point[1, low:high], point[2, low:high], start[i], widths, on_line, horizon)
+    fit[1], fit[6] = np.sqrt(correlated) * fit[1], np.sqrt(correlated) * fit[6]
+    return fit
+
+
+@compiled
+def _fit(theta: Float, r: Float, extent: Float, start: float, widths: Float, on_line: float, horizon: float) -> Float:
+    """One line, see `_fits`, as if its points' errors had nothing in common."""
+    off, g, fit = np.empty(r.size), np.empty(r.size), np.zeros(8)
+    for k in range(r.size):
+        away = theta[k] - start
+        off[k] = r[k] * (away - TURN * np.rint(away / TURN))
+        g[k] = 1.0 - r[k] / horizon
+    turned = before = 0.0
+    for width in widths:
+        weights = r_r = r_e = e_e = g_r = g_g = g_e = 0.0
+        sharpness = 1.0 / width
+        for k in range(r.size):
+            e = off[k] - r[k] * turned
+            near = max(1.0 - (e * sharpness) ** 2, 0.0)
+            w = near * near * extent[k]
+            weights += w
+            r_r += w * r[k] * r[k]
+            r_e += w * r[k] * e
+            e_e += w * e * e
+            g_r += w * g[k] * r[k]
+            g_g += w * g[k] * g[k]
+            g_e += w * g[k] * e
+        square = max(r_r, 1.0)
+        turn = r_e / square
+        variance = max(e_e / max(weights, 1e-9), _LEAST_SPREAD)
+        rest = g_g - g_r * g_r / square  # of g, once the angle has taken its part
+        lean, lean_std = ((g_e - g_r * turn) / rest, np.sqrt(variance / rest)) if rest > 1e-9 else (0.0, np.inf)
+        before, turned = turned, turned + turn
+        fit[0], fit[1] = start + turned, np.sqrt(variance / square)
+        fit[5], fit[6], fit[7] = lean, lean_std, g_r / square
+    inner, outer = np.inf, 0.0
+    for k in range(r.size):
+        if abs(off[k] - r[k] * before) <= on_line:
+            fit[2] += extent[k]
+            inner, outer = min(inner, r[k]), max(outer, r[k])
+    fit[3], fit[4] = (inner, outer) if outer > 0.0 else (0.0, 0.0)
     return fit
 
 

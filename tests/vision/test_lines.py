@@ -150,3 +150,18 @@ def test_of_a_plateau_the_first_sector_is_the_peak() -> None:
 
 def test_the_strongest_sectors_stay_in_order() -> None:
     assert strongest(np.array([1, 3, 5]), np.array([0.0, 7.0, 0.0, 2.0, 0.0, 9.0]), 2).tolist() == [1, 5]
+
+
+@pytest.mark.parametrize(("inner", "outer"), [(63.0, 225.0), (63.0, 150.0), (110.0, 200.0)])
+def test_a_line_ends_where_its_edge_does(scene: Scene, inner: float, outer: float) -> None:
+    true, levels = np.array([-2.0, -0.7, 0.4, 1.5]), np.array([140.0, 90.0, 140.0, 90.0])
+    picture = scene(true, levels)
+    v, u = np.mgrid[:480, :640]
+    r = np.hypot(u - 321.5, v - 239.0)
+    ring = (r > 60.0) & (r < 225.0)
+    picture[ring & ((r < inner) | (r > outer))] = 115
+    lines = _lines(picture, (321.5, 239.0), MirrorRing())
+    assert lines.angle_rad.size == true.size
+    assert np.all(np.abs(lines.inner_px - inner) < 4.0)
+    assert np.all(np.abs(lines.outer_px - outer) < 4.0)
+    assert np.all(np.abs(lines.strength - (outer - inner) / 162.0) < 0.06)
