@@ -11,11 +11,10 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 
 KNOWN_STD_RAD = np.deg2rad(0.2)  # how well a line's next bearing is known when its own motion is
-NEW_COST = 12.5  # a pair that costs more is less believable than a new line
+NEW_COST = 14.0  # a pair that costs more is less believable than a new line
 _GATE_RAD = np.deg2rad(8.0)
 _ENDS_STD = 0.1  # of a line's length: how well its ends are seen again
 _STRENGTH_STD = 0.1
-_LOOKS_SHARE = 2.0  # their say
 _TAIL = 10.0  # degrees of freedom of Student's t
 
 
@@ -51,8 +50,8 @@ def costs(
             value += _TAIL * np.log1p((surprise / std[j]) ** 2 / _TAIL) + 2.0 * np.log(max(std[j] / KNOWN_STD_RAD, 1.0))
             length = max(shape[i, 2] - shape[i, 1], track_shape[j, 2] - track_shape[j, 1], 1.0) * _ENDS_STD
             for end in range(1, 3):
-                value += _LOOKS_SHARE * np.log1p(((shape[i, end] - track_shape[j, end]) / length) ** 2)
-            value += _LOOKS_SHARE * np.log1p(((shape[i, 0] - track_shape[j, 0]) / _STRENGTH_STD) ** 2)
+                value += np.log1p(((shape[i, end] - track_shape[j, end]) / length) ** 2)
+            value += np.log1p(((shape[i, 0] - track_shape[j, 0]) / _STRENGTH_STD) ** 2)
             if value < NEW_COST:
                 cost[i, j] = value
     return cost

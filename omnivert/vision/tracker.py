@@ -10,7 +10,7 @@ from omnivert.config import Vision
 from omnivert.vision.assignment import KNOWN_STD_RAD, NEW_COST, assigned, costs, mutual_best
 from omnivert.vision.lines import Lines
 from omnivert.vision.matching import distances, matches
-from omnivert.vision.motion import Flow, common_flow, common_turn, sine_of
+from omnivert.vision.motion import DESCRIPTOR_STD, Flow, common_flow, common_turn, sine_of
 
 Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -18,7 +18,6 @@ Int = NDArray[np.int64]
 
 _YOUNG_STD_RAD = np.deg2rad(1.5)  # and when it is not
 _LOOSE_STD_RAD = np.deg2rad(2.0)  # when the flow is still to be found
-_DESCRIPTOR_STD = 0.35  # of two views of one line; those of the corridor differ by 0.34 (median)
 _MAX_STD_RAD = np.deg2rad(3.0)
 _YOUNG_FRAMES = 2
 _USUAL_DISTANCE = 0.34  # of a line's descriptors in two frames, median on the corridor
@@ -131,7 +130,7 @@ class Tracker:
         young = (tracks.seen - tracks.born < _YOUNG_FRAMES) | (tracks.moving > 0.5)
         own = np.hypot(np.where(young, _YOUNG_STD_RAD, KNOWN_STD_RAD), flow.spread)
         std = np.minimum(own * np.sqrt(frame - tracks.seen), _MAX_STD_RAD)
-        cost = self._costs(lines, D, tracks.angle, std, slice(None), _DESCRIPTOR_STD * unlike)
+        cost = self._costs(lines, D, tracks.angle, std, slice(None), DESCRIPTOR_STD * unlike)
         return assigned(cost), cost
 
     def _costs(
@@ -158,7 +157,7 @@ class Tracker:
         tracks, turn = self._tracks, self.common_turn_rad
         if D.size == 0 or recent.size == 0:
             return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
-        cost = self._costs(lines, D, usual, np.full(usual.size, _LOOSE_STD_RAD), recent, _DESCRIPTOR_STD)
+        cost = self._costs(lines, D, usual, np.full(usual.size, _LOOSE_STD_RAD), recent, DESCRIPTOR_STD)
         row, column = mutual_best(cost)
         if (
             row.size == 0 or row.size < _FLOW_SHARE * recent.size
