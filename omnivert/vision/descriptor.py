@@ -86,15 +86,34 @@ def gradient_field(grey: Grey, center: tuple[float, float], reach: float, sigma:
     if part.size == 0:
         return Field(np.zeros((1, 1, 2), dtype=np.float32), left, top, 1.0)
     times = max(int(sigma / _COARSE_SIGMA_PX), 1) if shrink else 1
-    height, width = (max(length // times, 1) for length in part.shape)
-    if times > 1:  # by whole cells, which is quick
-        part = part[: height * times, : width * times]
-        part = np.asarray(cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    if min(part.shape) < times:
+        times = 1
+    shrunk = _means(np.ascontiguousarray(part), times) if times > 1 else part.astype(np.float32)
     left_over = np.sqrt(sigma**2 - (times**2 - 1) / 12.0) / times  # shrinking has smoothed a little already
-    smooth = cv2.GaussianBlur(part.astype(np.float32), (0, 0), left_over, borderType=cv2.BORDER_REPLICATE)
+    smooth = cv2.GaussianBlur(shrunk, (0, 0), left_over, borderType=cv2.BORDER_REPLICATE)
     gu = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, borderType=cv2.BORDER_REPLICATE)
     gv = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, borderType=cv2.BORDER_REPLICATE)
     return Field(np.asarray(cv2.merge((gu, gv)), dtype=np.float32), left, top, 1.0 / times)
+
+
+@compiled
+def _means(grey: Grey, times: int) -> Float32:
+    """The picture shrunk by a whole number, each pixel the mean of its square."""
+    height, width = grey.shape[0] // times, grey.shape[1] // times
+    means, row = np.empty((height, width), dtype=np.float32), np.empty(width * times, dtype=np.int32)
+    share = np.float32(1.0 / (times * times))
+    for v in range(height):
+        row[:] = 0
+        for line in range(times):
+            part = grey[v * times + line]
+            for u in range(row.size):
+                row[u] += part[u]
+        for u in range(width):
+            total = np.int32(0)
+            for k in range(times):
+                total += row[u * times + k]
+            means[v, u] = np.float32(total) * share
+    return means
 
 
 def _grid() -> Float32:

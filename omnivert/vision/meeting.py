@@ -98,26 +98,23 @@ class MeetingFinder:
         u, v = self.point
         for _ in range(_LOOKS):
             lines = about((u, v))
-            off, information, count = _common_lean(lines.angle_rad, lines.lean_px, lines.lean_std_px)
+            off, shown, count = _common_lean(lines.angle_rad, lines.lean_px, lines.lean_std_px)
             if count < _LEAST_LINES:
                 return lines
             if np.hypot(*off) < _FAR_PX:
                 break
-            u, v = u + float(off[0]), v + float(off[1])
+            u, v = u + off[0], v + off[1]
         else:
-            off = np.zeros(2)
+            off = (0.0, 0.0)
         seen = self._seen
-        covariance = np.linalg.inv(information + np.eye(2) / _PRIOR_PX**2)
-        seen.add(u + off[0], v + off[1], 0.5 * float(np.trace(covariance)))
+        seen.add(u + off[0], v + off[1], _weighed(shown, 1.0 / _PRIOR_PX**2, off, off)[1])
         self._decide()
         if not self._used:
             return lines
-        prior = 1.0 / (seen.mean_variance + seen.nodding)
-        covariance = np.linalg.inv(information + np.eye(2) * prior)
-        shown = np.array((u, v)) + off
-        now = covariance @ (information @ shown + prior * np.array(seen.mean))
-        self._now, self._now_std = (float(now[0]), float(now[1])), float(np.sqrt(0.5 * np.trace(covariance)))
-        slant = -np.sin(lines.angle_rad) * (now[0] - u) - np.cos(lines.angle_rad) * (now[1] - v)
+        mean = seen.mean[0] - u, seen.mean[1] - v
+        now, variance = _weighed(shown, 1.0 / (seen.mean_variance + seen.nodding), off, mean)
+        self._now, self._now_std = (u + now[0], v + now[1]), float(np.sqrt(variance))
+        slant = -np.sin(lines.angle_rad) * now[0] - np.cos(lines.angle_rad) * now[1]
         return lines._replace(
             angle_rad=wrap(lines.angle_rad - slant * lines.lever),
             std_rad=np.hypot(lines.std_rad, lines.lever * self._now_std),
@@ -180,11 +177,27 @@ class _Sums:
         return (self.variance / self.weight + min(_NOD_LASTS, self.frames) * self.nodding) / self.frames
 
 
+def _weighed(
+    information: tuple[float, float, float], prior: float, shown: tuple[float, float], mean: tuple[float, float]
+) -> tuple[tuple[float, float], float]:
+    """A point that is shown and one that is known, each by its information; the mean variance of its coordinates.
+
+    information  uu, uv, vv of `shown`
+    prior        of `mean`, on each axis
+    """
+    (a, b, d), (p, q) = information, (shown[0] - mean[0], shown[1] - mean[1])
+    determinant = (a + prior) * (d + prior) - b * b
+    right = a * p + b * q, b * p + d * q
+    u = ((d + prior) * right[0] - b * right[1]) / determinant
+    v = ((a + prior) * right[1] - b * right[0]) / determinant
+    return (mean[0] + u, mean[1] + v), 0.5 * (a + d + 2.0 * prior) / determinant
+
+
 @compiled
-def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float, int]:
-    """The shift of the meeting point that explains how lines lean, robustly: px (2,), its information (2, 2); lines."""
+def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[tuple[float, float], tuple[float, float, float], int]:
+    """The shift of the meeting point that explains how lines lean, robustly, px; its information uu, uv, vv; lines."""
     normal_u, normal_v = -np.sin(angle), -np.cos(angle)
-    off, information = np.zeros(2), np.zeros((2, 2))
+    off_u = off_v = a = b = d = 0.0
     count = 0
     for tail in _TAILS:
         a = b = d = p = q = 0.0
@@ -194,7 +207,7 @@ def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float, i
                 continue
             count += 1
             variance = std[k] * std[k] + _LOOSE_PX * _LOOSE_PX
-            rest = lean[k] - normal_u[k] * off[0] - normal_v[k] * off[1]
+            rest = lean[k] - normal_u[k] * off_u - normal_v[k] * off_v
             near = max(1.0 - rest * rest / (variance * tail * tail), 0.0)
             weight = near * near / variance
             a += weight * normal_u[k] * normal_u[k]
@@ -202,10 +215,9 @@ def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[Float, Float, i
             d += weight * normal_v[k] * normal_v[k]
             p += weight * normal_u[k] * lean[k]
             q += weight * normal_v[k] * lean[k]
-        information[0, 0], information[0, 1], information[1, 0], information[1, 1] = a, b, b, d
         determinant = (a + 1e-6) * (d + 1e-6) - b * b
-        off[0], off[1] = ((d + 1e-6) * p - b * q) / determinant, ((a + 1e-6) * q - b * p) / determinant
-    return off, information, count
+        off_u, off_v = ((d + 1e-6) * p - b * q) / determinant, ((a + 1e-6) * q - b * p) / determinant
+    return (off_u, off_v), (a, b, d), count
 
 
 def sharpest_point(

@@ -72,6 +72,7 @@ class Tracker:
         self._frame = -1
         self._next_id = 0
         self._tracks = _no_tracks(vision.areas * 2 * vision.bins)
+        self._wave = 0.0, 0.0  # of the lines' own drifts, see `motion.sine_of`
         self.common_turn_rad = 0.0
         """How far all lines turned together in the newest frame, image angle; 0 in paper mode."""
 
@@ -171,68 +172,76 @@ class Tracker:
     def _updated(
         self, lines: Lines, descriptor: Float32, match: Int, cost: Float | None, fresh: NDArray[np.bool_]
     ) -> Tracked:
-        tracks, frame = self._tracks, self._frame
-        line = np.flatnonzero(match >= 0)
+        line, new = np.flatnonzero(match >= 0), np.flatnonzero(fresh)
         track = match[line]
-        surprise = wrap(lines.angle_rad[line] - tracks.angle[track])
-        drift = tracks.drift * _DRIFT_FADE
-        drift[track] = tracks.drift[track] + _DRIFT_GAIN * surprise / (frame - tracks.seen[track])
-        angle, quality, latest = tracks.angle.copy(), tracks.quality.copy(), tracks.descriptor.copy()
-        shape, shapes = tracks.shape.copy(), _shapes(lines)
-        seen, polarity = tracks.seen.copy(), tracks.polarity.copy()
-        angle[track], seen[track], polarity[track] = lines.angle_rad[line], frame, lines.polarity[line]
-        latest[track], shape[track] = descriptor[line], shapes[line]
         fit = np.ones(line.size) if cost is None else np.maximum(1.0 - cost[line, track] / NEW_COST, 0.0)
-        quality *= 1.0 - _QUALITY_GAIN
-        quality[track] += _QUALITY_GAIN * fit
-        wave = sine_of(angle[track], drift[track])
-        moving, flagged = self._moving(angle, drift, track, wave)
-        new = np.flatnonzero(fresh)
-        new_id = self._next_id + np.arange(new.size)
-        self._next_id += new.size
-        now, none = np.full(new.size, frame), np.zeros(new.size)
-        new_angle = lines.angle_rad[new]
-        everything = _Tracks(
-            np.concatenate((tracks.track_id, new_id)),
-            np.concatenate((tracks.born, now)),
-            np.concatenate((seen, now)),
-            np.concatenate((angle, new_angle)),
-            np.concatenate((drift, wave[0] * np.cos(new_angle) + wave[1] * np.sin(new_angle))),
-            np.concatenate((polarity, lines.polarity[new])),
-            np.concatenate((quality, none + _QUALITY_GAIN)),
-            np.concatenate((moving, none)),
-            np.concatenate((flagged, none > 0.0)),
-            np.concatenate((shape, shapes[new])),
-            np.concatenate((latest, descriptor[new])),
+        row = np.concatenate((track, self._tracks.track_id.size + np.arange(new.size)))
+        self._learn(lines, descriptor, line, track, fit)
+        self._begin(lines, descriptor, new)
+        tracks, order = self._tracks, np.argsort(row, kind="stable")
+        row = row[order]
+        result = Tracked(
+            np.concatenate((line, new))[order],
+            tracks.track_id[row],
+            self._frame - tracks.born[row],
+            tracks.quality[row],
+            tracks.flagged[row],
         )
-        line = np.concatenate((line, new))
-        row = np.concatenate((track, tracks.track_id.size + np.arange(new.size)))
-        order = np.argsort(row, kind="stable")
-        line, row = line[order], row[order]
-        age = frame - everything.born[row]
-        result = Tracked(line, everything.track_id[row], age, everything.quality[row], everything.flagged[row])
-        kept = frame - everything.seen < self._vision.lookback_frames
-        self._tracks = _Tracks(*(a[kept] for a in everything))  # type: ignore[arg-type]  # one row each
+        kept = self._frame - tracks.seen < self._vision.lookback_frames
+        if not kept.all():
+            self._tracks = _Tracks(*(a[kept] for a in tracks))  # type: ignore[arg-type]  # one row each
         return result
 
-    def _moving(
-        self, angle: Float, drift: Float, track: Int, wave: tuple[float, float]
-    ) -> tuple[Float, NDArray[np.bool_]]:
-        """Evidence that lines move, and which are flagged: they drift against what driving does there, or by far more.
+    def _learn(
+        self, lines: Lines, descriptor: Float32, line: NDArray[np.intp], track: Int, fit: NDArray[np.float64]
+    ) -> None:
+        """Takes what a frame's lines say of their tracks into these; fit: how well each pair does, 0..1."""
+        tracks = self._tracks
+        surprise = wrap(lines.angle_rad[line] - tracks.angle[track])
+        own = tracks.drift[track] + _DRIFT_GAIN * surprise / (self._frame - tracks.seen[track])
+        tracks.drift[:] *= _DRIFT_FADE
+        tracks.quality[:] *= 1.0 - _QUALITY_GAIN
+        tracks.drift[track], tracks.quality[track] = own, tracks.quality[track] + _QUALITY_GAIN * fit
+        tracks.angle[track], tracks.polarity[track] = lines.angle_rad[line], lines.polarity[line]
+        tracks.seen[track] = self._frame
+        tracks.descriptor[track], tracks.shape[track] = descriptor[line], _shapes(lines)[line]
+        self._wave = sine_of(tracks.angle[track], own)
+        self._judge_motion(track)
+
+    def _begin(self, lines: Lines, descriptor: Float32, new: NDArray[np.intp]) -> None:
+        """Begins a track with each of some lines."""
+        if new.size == 0:
+            return
+        angle, now, none = lines.angle_rad[new], np.full(new.size, self._frame), np.zeros(new.size)
+        begun = _Tracks(
+            track_id=self._next_id + np.arange(new.size),
+            born=now,
+            seen=now,
+            angle=angle,
+            drift=self._wave[0] * np.cos(angle) + self._wave[1] * np.sin(angle),
+            polarity=lines.polarity[new],
+            quality=none + _QUALITY_GAIN,
+            moving=none,
+            flagged=none > 0.0,
+            shape=_shapes(lines)[new],
+            descriptor=descriptor[new],
+        )
+        self._next_id += new.size
+        self._tracks = _Tracks(*(np.concatenate(both) for both in zip(self._tracks, begun, strict=True)))
+
+    def _judge_motion(self, track: Int) -> None:
+        """Gathers evidence that lines move, and flags some: they drift against what driving does there, or far more.
 
         A near line of the static world drifts faster than the others, a far one slower; none against them, and none
         many times as fast, because a robot keeps its distance from walls.
         """
-        tracks = self._tracks
-        usual = wave[0] * np.cos(angle) + wave[1] * np.sin(angle)
-        with_it = np.where(drift * usual > 0.0, _NEAR_TIMES * np.hypot(*wave), 0.0)
-        against = np.abs(drift) - with_it
-        evidence = np.zeros(angle.size)
-        evidence[track] = against[track] > _MOVING_RAD
-        seen = np.zeros(angle.size, dtype=np.bool_)
-        seen[track] = True
-        moving = np.where(seen, _MOVING_FADE * tracks.moving + evidence, tracks.moving)
-        return moving, np.where(tracks.flagged, moving > _MOVING_OFF, moving > _MOVING_ON)
+        tracks, (cos_part, sin_part) = self._tracks, self._wave
+        angle, drift = tracks.angle[track], tracks.drift[track]
+        usual = cos_part * np.cos(angle) + sin_part * np.sin(angle)
+        with_it = np.where(drift * usual > 0.0, _NEAR_TIMES * np.hypot(cos_part, sin_part), 0.0)
+        moving = _MOVING_FADE * tracks.moving[track] + (np.abs(drift) - with_it > _MOVING_RAD)
+        tracks.moving[track] = moving
+        tracks.flagged[track] = np.where(tracks.flagged[track], moving > _MOVING_OFF, moving > _MOVING_ON)
 
 
 def _shapes(lines: Lines) -> Float:
