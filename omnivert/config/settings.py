@@ -165,15 +165,15 @@ class Vision(Section):
     """How far from the expected centre the ring is looked for first."""
     ring_min_quality: float = Field(0.30, ge=0.0, le=1.0)
     """Share of the rim that must be seen, else the frame's ring is lost."""
-    edge_tolerance_deg: float = Field(20.0, gt=0.0, le=45.0)
+    edge_tolerance_deg: float = Field(15.0, gt=0.0, le=45.0)
     """Edges that point at the centre within this are kept. Paper: 5 deg (II, step 2)."""
     edge_min_magnitude: float = Field(32.0, ge=0.0, le=1000.0)
     """Sobel magnitude below which a pixel is no edge (grey steps x 8; by default of the picture in full light)."""
     sectors: int = Field(720, ge=90, le=7200)
     """Sectors of the histogram (II, step 4)."""
-    min_length: float = Field(0.30, gt=0.0, le=1.0)
+    min_length: float = Field(0.26, gt=0.0, le=1.0)
     """Votes that make a line, as a share of Rmax - Rmin. Paper: 0.5 (II, step 5)."""
-    min_length_continued: float = Field(0.21, gt=0.0, le=1.0)
+    min_length_continued: float = Field(0.18, gt=0.0, le=1.0)
     """Shorter lines down to this may continue a track, never begin one. Not in the paper, unused in its mode."""
     max_lines: int = Field(200, ge=1, le=2000)
     """The strongest lines that are kept of one frame."""

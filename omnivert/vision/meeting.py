@@ -34,6 +34,7 @@ _USED_PX = 1.0 / 500.0  # of Rmax: a point nearer to the centre is the centre
 _SURE = 4.0  # sigmas
 _SPAN = 0.9  # of Rmin: how far from the centre the first search looks
 _COARSE_POINTS = 4000
+_SEARCH_TOLERANCE_DEG = 20.0  # from far off its point, a line's edges lean
 _CLEARER = 1.4  # how much sharper the lines must be about another point to begin there
 _SECTORS = 360
 
@@ -81,7 +82,7 @@ class MeetingFinder:
         if self._searched or edges.u_px.size < _COARSE_POINTS // 10:
             return
         self._searched = True
-        u, v = sharpest_point(edges, center, self._ring, tolerance_deg)
+        u, v = sharpest_point(edges, center, self._ring, max(tolerance_deg, _SEARCH_TOLERANCE_DEG))
         if (u, v) != (0.0, 0.0):
             self._used = True
             self._now, self._now_std = (u, v), 0.1 * _SPAN * self._ring.r_min_px

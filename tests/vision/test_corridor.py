@@ -30,8 +30,8 @@ def test_the_ring_centre_is_known_to_a_fiftieth_of_a_pixel(run: Run) -> None:
 
 def test_strong_lines_are_found_and_what_is_found_is_there(run: Run) -> None:
     found = run.score.detection
-    assert found.recall > 0.92  # measured 0.945
-    assert found.precision > 0.90  # measured 0.915
+    assert found.recall > 0.92  # measured 0.947
+    assert found.precision > 0.90  # measured 0.925
     assert found.correct_lines_per_frame > 45.0  # measured 49.6
     assert found.lines_per_frame > 48.0  # measured 62.1
 
@@ -62,10 +62,10 @@ def test_hardly_a_bearing_is_off_by_more_than_four_of_its_sigmas(run: Run) -> No
 def test_identities_stay_with_their_lines(run: Run) -> None:
     kept = run.score.identity
     assert kept.links * kept.correct_percent / 100.0 / len(run.seen) > 44.0  # a frame; measured 52.2
-    # The last bit of a picture moves these by 0.1; over six near copies of it, each way: 99.16, 0.30, 0.54.
-    assert kept.correct_percent > 98.9  # measured 99.16
-    assert kept.false_percent < 0.45  # measured 0.32
-    assert kept.false_new_percent < 0.70  # measured 0.52
+    # The last bit of a picture moves these by 0.1; over four copies in other light and noise: 99.2, 0.3, 0.5.
+    assert kept.correct_percent > 99.1  # measured 99.36
+    assert kept.false_percent < 0.35  # measured 0.20
+    assert kept.false_new_percent < 0.60  # measured 0.43
     assert kept.repeatability > 0.975  # measured 0.985
     assert kept.purity > 0.90  # measured 0.927
 

@@ -32,8 +32,8 @@ AS_PLAIN = Limits(
 )
 HELD = {
     "raw": AS_PLAIN,
-    "gain 0.6": replace(AS_PLAIN, correct_lines=41.0, false_percent=1.0),
-    "gain 0.6, truth of 1": replace(AS_PLAIN, recall=0.89, correct_lines=41.0, false_percent=1.0),
+    "gain 0.6": replace(AS_PLAIN, correct_lines=41.0, false_percent=1.0, normalised=(0.7, 1.2)),
+    "gain 0.6, truth of 1": replace(AS_PLAIN, recall=0.90, correct_lines=41.0, false_percent=1.0),
     "gain 1.5": AS_PLAIN,
     "gain 2.0": replace(
         AS_PLAIN, recall=0.77, precision=0.86, correct_lines=35.5, sigma_mrad=1.2, normalised=(0.7, 1.3), ring_px=0.15
