@@ -9,6 +9,7 @@ from omnivert.messages import Bearings, Frame
 from omnivert.timeline import LoneStream
 from omnivert.vision.account import ABOUT, Account, is_unusable
 from omnivert.vision.frontend import FrontEnd
+from omnivert.vision.warm_up import warm_up
 from omnivert.wire.bus import Bus
 from omnivert.wire.channels import BEARINGS, FRAME
 from omnivert.wire.sources import Admission, Sources
@@ -19,6 +20,7 @@ _PERIOD_NS = 10**9
 
 def run(bus: Bus, config: Config, arguments: argparse.Namespace | None = None) -> None:
     """Publishes until the bus stops; a frame whose stamp does not fit the others moves no track."""
+    warm_up(config)  # before others are told that this service is here, or their first frames would wait for it
     front_end, frames, report = FrontEnd(config), LoneStream(Frame, config.timeline), _Report(bus, config)
     sources = Sources(bus.alive)
     for received in bus.listen(FRAME):

@@ -26,6 +26,7 @@ HOUSE = (
 VISION = (
     "image",
     "arctangent",
+    "cholesky",
     "edges",
     "rim",
     "ring",
@@ -41,6 +42,7 @@ VISION = (
     "assignment",
     "tracker",
     "frontend",
+    "warm_up",
     "account",
 )  # data order, too
 ONE_ROOM = {

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from omnivert.wire.bus import Bus
 
 START_S = 30.0  # for all services to come up on a busy machine
+_COMPILED_S = 180.0  # for the vision, which has to compile its loops the first time
+_LONG_S = 5  # then it is said why
 HOPELESS = ("router",)  # without it nothing can be done, and starting it again will not open its end point
 REFUSAL = re.compile(r"error\[(OV\d+)\]: (.*)")
 
@@ -80,12 +82,17 @@ def await_services(bus: "Bus", services: set[str], troubles: Troubles) -> None:
     def here() -> bool:
         return services <= {name for name, _ in bus.present()}
 
-    for _ in range(int(START_S)):
+    for second in range(int(_COMPILED_S)):
         if bus.await_presence(here, 1.0) or bus.stopped:
             break
         troubles.check()
+        lacking = services - {name for name, _ in bus.present()}
+        if second == _LONG_S and "vision" in lacking:
+            say.story("  [cyan]…[/] vision     compiles its loops, once on this machine: half a minute or so")
+        if second >= START_S and lacking != {"vision"}:
+            break
     if bus.stopped:
         raise KeyboardInterrupt
     if not here():
-        lacking = ", ".join(sorted(services - {name for name, _ in bus.present()}))
-        raise DataError("OV422", f"{lacking} did not come up within {START_S:.0f} s", help="omnivert monitor")
+        missing = ", ".join(sorted(services - {name for name, _ in bus.present()}))
+        raise DataError("OV422", f"{missing} did not come up in time", help="omnivert monitor")

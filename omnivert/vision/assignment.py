@@ -109,9 +109,8 @@ def _unrivalled(cost: Float, new_cost: float) -> tuple[Int, NDArray[np.bool_], N
                 columns[j] += 1
     match = np.full(rows.size, -1, dtype=np.int64)
     for i in range(rows.size):
-        if rows[i] == 1:
-            j = int(np.argmin(cost[i]))
-            if columns[j] == 1:
+        for j in range(columns.size):
+            if rows[i] == 1 and columns[j] == 1 and cost[i, j] < new_cost:
                 match[i] = j
                 rows[i] = columns[j] = 0
     return match, rows > 0, columns > 0

@@ -279,8 +279,9 @@ def _fits(
     for k in range(theta.size):
         line[k] = owner[0 if polarity[k] > 0 else 1, int((theta[k] / TURN + 0.5) * sectors) % sectors]
         first[line[k] + 2] += 1  # those of no line come first
-    first = np.cumsum(first)
-    point, place = np.empty((3, theta.size)), first[:-1].copy()
+    for i in range(lines + 1):
+        first[i + 1] += first[i]
+    point, place = np.empty((3, theta.size)), first.copy()
     for k in range(theta.size):
         at = place[line[k] + 1]
         place[line[k] + 1] += 1
@@ -288,8 +289,9 @@ def _fits(
     fit = np.zeros((8, lines))
     for i in range(lines):
         low, high = first[i + 1], first[i + 2]
-        fit[:, i] = _fit(point[0, low:high], point[1, low:high], point[2, low:high], start[i], widths, on_line, horizon)
-    fit[1], fit[6] = np.sqrt(correlated) * fit[1], np.sqrt(correlated) * fit[6]
+        one = _fit(point[0, low:high], point[1, low:high], point[2, low:high], start[i], widths, on_line, horizon)
+        for k in range(8):
+            fit[k, i] = one[k] * np.sqrt(correlated) if k == 1 or k == 6 else one[k]
     return fit
 
 

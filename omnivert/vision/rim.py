@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from omnivert.angles import TURN
 from omnivert.compiled import compiled
 from omnivert.vision.arctangent import arctan2
+from omnivert.vision.cholesky import factored, solved
 from omnivert.vision.edges import Array, Edges
 
 Float = NDArray[np.float64]
@@ -226,11 +227,20 @@ def _refined(u: Float, v: Float, x: Float, known: Float, known_std: Float, width
             information = variance / (known_std[i] * known_std[i])
             normal[2 + i, 2 + i] += information
             right[2 + i] += information * (known[i] - x[2 + i])
-        inverse = np.linalg.inv(normal + np.eye(5) * 1e-6)
-        move = inverse @ right
-        x = x + move
-        std = np.sqrt(variance * max(inverse[0, 0], inverse[1, 1]))
-        if widths[step] == 0.0 and np.max(np.abs(move)) < _SETTLED_PX:
+        for i in range(5):
+            normal[i, i] += 1e-6
+        lower = factored(normal)
+        move = solved(lower, right)
+        most = 0.0
+        for i in range(5):
+            x[i] += move[i]
+            most = max(most, abs(move[i]))
+        std = 0.0
+        for i in range(2):
+            right[:] = 0.0
+            right[i] = variance
+            std = max(std, np.sqrt(solved(lower, right)[i]))
+        if widths[step] == 0.0 and most < _SETTLED_PX:
             break
     return x, std
 

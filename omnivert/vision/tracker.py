@@ -1,6 +1,6 @@
 """Lines and descriptors of frame after frame -> identities (IX-A)."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,7 +227,8 @@ class Tracker:
             descriptor=descriptor[new],
         )
         self._next_id += new.size
-        self._tracks = _Tracks(*(np.concatenate(both) for both in zip(self._tracks, begun, strict=True)))
+        rows: zip[tuple[NDArray[Any], NDArray[Any]]] = zip(self._tracks, begun, strict=True)
+        self._tracks = _Tracks(*(np.concatenate(both) for both in rows))
 
     def _judge_motion(self, track: Int) -> None:
         """Gathers evidence that lines move, and flags some: they drift against what driving does there, or far more.
