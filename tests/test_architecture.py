@@ -30,6 +30,7 @@ VISION = (
     "edges",
     "rim",
     "ring",
+    "line_fit",
     "lines",
     "meeting",
     "doubt",

@@ -277,7 +277,7 @@ class Player(Section):
     """Without a result for so long, the frames on their way are counted as lost, and the playback goes on."""
     comeback_s: float = Field(20.0, ge=0.0, le=3600.0)
     """How long a playback waits for a service that has gone."""
-    wait_s: float = Field(30.0, ge=0.0, le=3600.0)
+    wait_s: float = Field(120.0, ge=0.0, le=3600.0)
     """How long it waits at the start for the services that it was told to wait for."""
 
 
