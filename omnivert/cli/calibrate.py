@@ -17,6 +17,7 @@ from omnivert.cli.settings import (
     ModeOption,
     RecordingArgument,
     opened,
+    rig_of,
     settings,
     title,
 )
@@ -59,7 +60,7 @@ def calibrate(
     check_format(picture)
     given = Given.of(source)
     say.story(f"[cyan]given[/]   {title(recording)}  {given}")
-    rig = source.config(chosen)
+    rig = rig_of(source, chosen)
     outcome = calibration(source, rig, given)
     truth = results.truth_of(source)
     say.story(f"[cyan]drive[/]   {drive(outcome)}")

@@ -33,7 +33,7 @@ def drawn_frame(frame: Frame, bearings: Bearings, config: Config, index: int | N
         grey = grey_from_frame(frame)
     except ValueError:
         return None
-    return overlay(grey, bearings, config.camera.bearing_sign, config.ring.r_min_px, index)
+    return overlay(grey, bearings, config.camera.bearing_sign, config.ring.r_min_px, index, config.ring)
 
 
 def dark_frame(bearings: Bearings, config: Config, index: int) -> Bgr:

@@ -70,6 +70,13 @@ EXPLANATIONS = {
         "(calibration.sigma_limit_deg, calibration.sigma_limit_m), or too few lines were followed long enough.",
         "Drive on: more turns of 90 degrees with straight ways between them, near walls with vertical edges.",
     ),
+    "OV110": Explanation(
+        "no_usable_frame",
+        "There are frames, but not one of them gave a line: the mirror's rim was not found, or the pictures are dark, "
+        "covered or broken. Lines are only believed around a rim.",
+        "omnivert track REC --draw DIR shows what is seen, and dashed the ring that was told. A recording carries its "
+        "own [ring]: correct it in meta.json, or in the configuration that it is recorded with, and make it again.",
+    ),
     # 2: use and configuration
     "OV201": Explanation(
         "config_unreadable",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from omnivert.cli import say
 from omnivert.config import Config, load, parsed
 from omnivert.errors import DataError, UseError
 
@@ -61,6 +62,21 @@ def with_mode(config: Config, mode: str | None) -> Config:
         raise UseError("OV206", f"--mode {mode} is not known", help=f"--mode {near[0] if near else 'paper'}")
     # Only what was set by hand is kept, so that the mode's own values come in.
     return _with(_with(config, "vision", "--mode", mode=mode), "calibration", "--mode", mode=mode)
+
+
+def rig_of(source: "Recording", chosen: Config) -> Config:
+    """The configuration with the rig that the recording carries; says which tables of the one chosen are not used."""
+    rig = source.config(chosen)
+    told = {table: keys.keys() for table, keys in chosen.model_dump(exclude_unset=True).items()}
+    other = [
+        f"{table}.{key}"
+        for table, keys in rig.rig().items()
+        for key in sorted(keys.keys() & told.get(table, {}.keys()))
+        if getattr(getattr(chosen, table), key) != getattr(getattr(rig, table), key)
+    ]
+    if other:
+        say.story(f"[yellow]not used[/] of the configuration: {', '.join(other)}; a recording carries its own")
+    return rig
 
 
 def opened(name: str) -> "Recording":

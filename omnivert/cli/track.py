@@ -20,6 +20,7 @@ from omnivert.cli.settings import (
     ModeOption,
     RecordingArgument,
     opened,
+    rig_of,
     settings,
     title,
     with_mode,
@@ -75,7 +76,7 @@ def track(
     check_outputs(inputs, files)
     from omnivert.vision.account import Account
 
-    rig = source.config(chosen)
+    rig = rig_of(source, chosen)
     film = None if video is None else _film(video, source, rig)
     try:
         tracked = list(say.counted(_drawn(source, rig, draw, film), "tracking", frames))
@@ -88,10 +89,14 @@ def track(
         _write(csv_path, LINES_HEADER, _lines(tracked))
     if centers is not None:
         _write(centers, CENTERS_HEADER, _centers(tracked))
-    _report(tracked, Account.of(rig, tracked), _scored(source, tracked), as_json)
+    account = Account.of(rig, tracked)
+    _report(tracked, account, _scored(source, tracked), as_json)
     for path in (csv_path, centers, draw, video):
         if path is not None:
             say.story(f"wrote   {path}")
+    if account.unusable == len(tracked):
+        mostly = next(iter(account.reasons), "")
+        raise DataError("OV110", f"no frame of {title(recording)} could be used", mostly, "omnivert explain OV110")
 
 
 def _film(path: Path, source: "Recording", config: "Config") -> "Video":

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from omnivert.config import MirrorRing
 from omnivert.messages import Bearings, Looks, Ring
 from omnivert.pictures.labels import Bgr, Labels, Place
 from omnivert.pictures.palette import Colour, track_color
@@ -63,7 +64,12 @@ def magnification(height_px: int, width_px: int) -> int:
 
 
 def overlay(
-    picture: NDArray[np.uint8], bearings: Bearings, bearing_sign: int, r_min_px: float, index: int | None = None
+    picture: NDArray[np.uint8],
+    bearings: Bearings,
+    bearing_sign: int,
+    r_min_px: float,
+    index: int | None = None,
+    expected: MirrorRing | None = None,
 ) -> Bgr:
     """The picture in colour, with the ring and each line in its track's colour, its number at the rim.
 
@@ -71,6 +77,7 @@ def overlay(
     bearing_sign  +1 or -1, as in the configuration
     r_min_px      where lines begin whose extent is not told
     index         of the frame: a band above the picture tells it, the time and what was found; None: no band
+    expected      drawn dashed where no ring was found
     returns       (k H + band, k W, 3); pixel (u, v) lies at k (u + 1/2) - 1/2 from the left, k from `magnification`
 
     New lines are thin, old ones thick, moving ones dashed. A tick at the outer end points to the brighter side.
@@ -84,8 +91,18 @@ def overlay(
     labels.paragraph(bearings.reasons, _ALARM)
     if bearings.ring is not None:
         _draw_found(drawn, labels, bearings, bearings.ring, bearing_sign, r_min_px, scale)
+    elif expected is not None:
+        _draw_expected(drawn, expected, scale)
     labels.write()
     return drawn
+
+
+def _draw_expected(drawn: Bgr, ring: MirrorRing, scale: _Scale) -> None:
+    center, radius = _point(scale.moved(*ring.center_px)), round(scale.k * ring.r_max_px * 2**_SHIFT)
+    for color, thickness in ((_DARK, 3.0), (_ALARM, 1.0)):
+        for start in range(0, 360, 10):
+            width = _width(thickness * scale.unit)
+            cv2.ellipse(drawn, center, (radius, radius), 0.0, start, start + 5, color, width, cv2.LINE_AA, _SHIFT)
 
 
 def _draw_found(

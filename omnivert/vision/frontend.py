@@ -165,6 +165,7 @@ class FrontEnd:
         times = work.found.circle.radius_px / self._ring.r_max_px
         if abs(times - 1.0) > _OTHER_SIZE and not self._paper:  # all of the mirror is of another size than configured
             self._take_ring(_resized(self._ring, times))
+            self._finder.take(self._ring)
 
     def _find_lines(self, work: Work) -> None:
         grey, edges = work.grey, work.edges
@@ -209,6 +210,6 @@ def _scaled(ring: MirrorRing, scale: float) -> MirrorRing:
 
 
 def _resized(ring: MirrorRing, times: float) -> MirrorRing:
-    """The ring with its radii so many times as large, about the same centre."""
-    r_min, r_max, horizon = (times * radius for radius in (ring.r_min_px, ring.r_max_px, ring.horizon_px))
-    return MirrorRing(center_px=ring.center_px, r_min_px=r_min, r_max_px=r_max, horizon_px=horizon)
+    """The ring with its radii so many times as large; not held to what a configuration may be."""
+    names = ("r_min_px", "r_max_px", "horizon_px")
+    return ring.model_copy(update={name: times * getattr(ring, name) for name in names})

@@ -11,6 +11,7 @@ Grey = NDArray[np.uint8]
 # The way the camera was held says nothing about the sensor that the ring was measured on, so EXIF turns nothing here.
 _READ = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 _JPEG_END = b"\xff\xd9"
+_JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of the part that tells the size
 _JPEG_PADDING = 1024  # bytes that some cameras append after the end marker, at most
 
 
@@ -43,6 +44,9 @@ def _decoded(frame: Frame) -> NDArray[np.uint8]:
     # A JPEG that was cut off still decodes, to a picture whose rest is flat grey with a hard false edge.
     if frame.format is PixelFormat.JPEG and _JPEG_END not in frame.data[-_JPEG_PADDING:].tobytes():
         raise ValueError("jpeg frame is cut off")
+    told = _told_size(frame.data.tobytes(), frame.format)
+    if told is not None and told != (frame.width_px, frame.height_px):  # a decoder would make room for it first
+        raise ValueError(f"{frame.format} frame says {frame.width_px}x{frame.height_px}, holds {told[0]}x{told[1]}")
     try:
         grey = cv2.imdecode(frame.data, _READ) if frame.data.size else None
     except cv2.error as error:
@@ -54,3 +58,25 @@ def _decoded(frame: Frame) -> NDArray[np.uint8]:
             f"{frame.format} frame says {frame.width_px}x{frame.height_px}, holds {grey.shape[1]}x{grey.shape[0]}"
         )
     return np.asarray(grey, dtype=np.uint8)
+
+
+def _told_size(data: bytes, form: PixelFormat) -> tuple[int, int] | None:
+    """Width and height as the file's header tells them; None when there is none to be read.
+
+    raises  ValueError when a part of a PNG says that it is longer than the file
+    """
+    if form is PixelFormat.PNG:
+        at = 8
+        while at + 8 <= len(data):
+            length = int.from_bytes(data[at : at + 4])
+            if at + 12 + length > len(data):
+                raise ValueError("png frame cannot be decoded")
+            at += 12 + length
+        return (int.from_bytes(data[16:20]), int.from_bytes(data[20:24])) if len(data) >= 24 else None
+    at = 2
+    while at + 9 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker in _JPEG_SIZES:
+            return int.from_bytes(data[at + 7 : at + 9]), int.from_bytes(data[at + 5 : at + 7])
+        at += 2 + int.from_bytes(data[at + 2 : at + 4])
+    return None

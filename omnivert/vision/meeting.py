@@ -34,6 +34,7 @@ _USED_PX = 1.0 / 500.0  # of Rmax: a point nearer to the centre is the centre
 _SURE = 4.0  # sigmas
 _SPAN = 0.9  # of Rmin: how far from the centre the first search looks
 _COARSE_POINTS = 4000
+_AGREE = 0.15  # of Rmin: two searches this near found the same
 _SEARCH_TOLERANCE_DEG = 20.0  # from far off its point, a line's edges lean
 _CLEARER = 1.4  # how much sharper the lines must be about another point to begin there
 _SECTORS = 360
@@ -53,20 +54,21 @@ class MeetingFinder:
 
     def __init__(self, ring: MirrorRing) -> None:
         self._ring = ring
-        self._searched = False
+        self._frame, self._next_search = 0, 0
+        self._other: tuple[float, float] | None = None  # what the last search found, when it was not where lines meet
         self._seen = _Sums()
         self._now, self._now_std = (0.0, 0.0), _PRIOR_PX
         self._used = False
 
     @property
     def begun(self) -> bool:
-        """The search over all the ring has been; edges that point elsewhere are of no more use."""
-        return self._searched
+        """The search over all the ring has been, and is not due again; edges that point elsewhere are of no use."""
+        return self._frame < self._next_search
 
     @property
     def known(self) -> Meeting | None:
         """The point as known so far; None until lines have been seen."""
-        if not self._searched:
+        if self._next_search == 0:
             return None
         seen = self._seen
         (u, v), std = (self._now, self._now_std) if self._used else (seen.mean, np.sqrt(seen.mean_variance))
@@ -78,15 +80,29 @@ class MeetingFinder:
         return self._seen.mean if self._used else (0.0, 0.0)
 
     def search(self, edges: Edges, center: tuple[float, float], tolerance_deg: float) -> None:
-        """Begins, on the first frame that shows a ring, at the point about which its edges are sharpest."""
-        if self._searched or edges.u_px.size < _COARSE_POINTS // 10:
+        """Looks for the point about which all edges are sharpest: in the first frame that shows a ring, then ever less.
+
+        What is found once the first frame has decided must be found in two frames on end before it counts: one bad
+        picture, be it the first, does not last.
+        """
+        if self.begun or edges.u_px.size < _COARSE_POINTS // 10:
             return
-        self._searched = True
-        u, v = sharpest_point(edges, center, self._ring, max(tolerance_deg, _SEARCH_TOLERANCE_DEG))
-        if (u, v) != (0.0, 0.0):
-            self._used = True
-            self._now, self._now_std = (u, v), 0.1 * _SPAN * self._ring.r_min_px
-            self._seen.add(u, v, self._now_std**2)
+        first, here = self._next_search == 0, self.point
+        found = sharpest_point(edges, center, self._ring, max(tolerance_deg, _SEARCH_TOLERANCE_DEG), here)
+        self._next_search = max(2 * self._frame, 1)
+        if _apart(found, here) < _AGREE * self._ring.r_min_px:
+            self._other = None
+        elif first or (self._other is not None and _apart(found, self._other) < _AGREE * self._ring.r_min_px):
+            self._begin_at(found)
+        else:
+            self._other, self._next_search = found, self._frame + 1
+
+    def _begin_at(self, point: tuple[float, float]) -> None:
+        self._seen, self._other = _Sums(), None
+        self._used = point != (0.0, 0.0)
+        if self._used:
+            self._now, self._now_std = point, 0.1 * _SPAN * self._ring.r_min_px
+            self._seen.add(*point, self._now_std**2)
 
     def lines(self, about: Callable[[tuple[float, float]], Lines]) -> Lines:
         """A frame's lines as its own meeting point has them, which is learnt from by how much each of them leans.
@@ -96,6 +112,7 @@ class MeetingFinder:
         The mean over the frames is the tilt that the camera is mounted with; what frames differ by, the robot's
         nodding. A frame's own point is believed against the mean as far as frames are seen to differ.
         """
+        self._frame += 1
         u, v = self.point
         for _ in range(_LOOKS):
             lines = about((u, v))
@@ -128,6 +145,10 @@ class MeetingFinder:
         shift = float(np.hypot(*seen.mean)) + np.sqrt(seen.nodding)
         least = max(_USED_PX * self._ring.r_max_px, _SURE * float(np.sqrt(seen.mean_variance)))
         self._used = bool(shift > (0.5 * least if self._used else least))
+
+
+def _apart(a: tuple[float, float], b: tuple[float, float]) -> float:
+    return float(np.hypot(a[0] - b[0], a[1] - b[1]))
 
 
 @dataclass(slots=True)
@@ -222,9 +243,13 @@ def _common_lean(angle: Float, lean: Float, std: Float) -> tuple[tuple[float, fl
 
 
 def sharpest_point(
-    edges: Edges, center: tuple[float, float], ring: MirrorRing, tolerance_deg: float
+    edges: Edges,
+    center: tuple[float, float],
+    ring: MirrorRing,
+    tolerance_deg: float,
+    here: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float]:
-    """The point, from the centre, about which the edge points pile up most; (0, 0) unless another is clearly better."""
+    """The point, from the centre, about which the edge points pile up most; `here` unless another is clearly better."""
     step = max(edges.u_px.size // _COARSE_POINTS, 1)
     some = Edges(*(np.ascontiguousarray(values[::step]) for values in edges))
     r_max = ring.r_max_px - RIM_MARGIN_PX
@@ -239,4 +264,4 @@ def sharpest_point(
         around = [(best[0] + i * span / 4.0, best[1] + j * span / 4.0) for i in range(-4, 5) for j in range(-4, 5)]
         best = max(around, key=lambda point: sharpness(*point))
     within = np.hypot(*best) <= 1.05 * reach  # beyond it, what was found is where the search ended
-    return best if within and sharpness(*best) > _CLEARER * sharpness(0.0, 0.0) else (0.0, 0.0)
+    return best if within and sharpness(*best) > _CLEARER * sharpness(*here) else here

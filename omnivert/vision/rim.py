@@ -253,7 +253,7 @@ def _rim_normal(u: Float, v: Float, x: Float, width: float) -> tuple[Float, Floa
     count = 0
     for k in range(u.size):
         du, dv = u[k] - x[0], v[k] - x[1]
-        distance = np.sqrt(du * du + dv * dv)
+        distance = max(np.sqrt(du * du + dv * dv), 1e-9)
         cos, sin = du / distance, dv / distance
         even, odd = cos * cos - sin * sin, 2.0 * cos * sin
         e = distance - x[2] - x[3] * even - x[4] * odd
@@ -292,7 +292,7 @@ def _rim_share(
     strongest, off = np.zeros(_BINS), np.zeros(_BINS)
     for k in range(u.size):
         du, dv = u[k] - center_u, v[k] - center_v
-        distance = np.sqrt(du * du + dv * dv)
+        distance = max(np.sqrt(du * du + dv * dv), 1e-9)
         cos, sin = du / distance, dv / distance
         e = distance - radius - even * (cos * cos - sin * sin) - odd * 2.0 * cos * sin
         if abs(e) > RIM_BAND * on_rim:

@@ -23,7 +23,7 @@ _SHAKE_PX = 1.0  # how far a lost rim may have moved, each frame
 _STEP_PX = 6.0  # how far from the last centre a rim is looked for that was just seen
 _STILL = 0.8  # a rim of this share of the last quality is taken to be the last one, without looking around
 _LEARNT_FRAMES = 50  # the rim's shape is averaged over this many frames
-_OTHER_SIZES = tuple(1.0 + sign * 0.03 * k for k in range(1, 8) for sign in (1.0, -1.0))
+_OTHER_SIZES = (*(1.0 + sign * 0.03 * k for k in range(1, 8) for sign in (1.0, -1.0)), 1.0)
 _FINE_SIZES = tuple(1.0 + 0.005 * k for k in range(-3, 4))
 _SURE_QUALITY = 0.8  # the whole rim, nearly: it is of the configured size
 _OTHER_QUALITY = 0.5  # share of a rim that is not of the configured size that must be seen
@@ -45,12 +45,21 @@ class RingFinder:
     """
 
     def __init__(self, ring: MirrorRing, vision: Vision) -> None:
-        self._ring = ring
+        self._configured = ring
         self._vision = vision
-        self._shape = configured_shape(ring.r_max_px)
+        self._forget()
+        self._lost_frames = 0
+
+    def _forget(self) -> None:
+        self._ring = self._configured
+        self._shape = configured_shape(self._configured.r_max_px)
         self._learnt = 0
         self._good: Circle | None = None
-        self._lost_frames = 0
+        self._weak_frames, self._doubt_after = 0, self._vision.lookback_frames
+
+    def take(self, ring: MirrorRing) -> None:
+        """The ring's radii as they are, where they are not as configured."""
+        self._ring = ring
 
     def band(self, meeting: tuple[float, float] | None, tolerance_deg: float) -> Band:
         """The part of the picture whose edges the next frame needs first.
@@ -93,7 +102,7 @@ class RingFinder:
             circle = circle_near(wide, self._expected, shape, vision.ring_search_px, refine=refine)
         if not self._seen(circle):
             circle = circle_anywhere(edges_of(None), shape, refine=refine)
-        if self._good is None and refine and (circle is None or circle.quality < _SURE_QUALITY):
+        if refine and self._is_doubtful(circle):
             circle = self._of_other_size(circle, edges_of(None))
         if circle is not None and self._seen(circle):
             self._good, self._lost_frames = circle, 0
@@ -101,14 +110,27 @@ class RingFinder:
                 self._learn(circle)
             return RingFound(circle)
         self._lost_frames += 1
-        if self._good is None or self._lost_frames > vision.lookback_frames:
+        if self._good is not None and self._lost_frames > vision.lookback_frames:
+            self._forget()  # what was seen may never have been the mirror
+        if self._good is None:
             return None
         std = float(np.hypot(self._good.std_px, _SHAKE_PX * np.sqrt(self._lost_frames)))
         quality = 0.0 if circle is None else min(circle.quality, vision.ring_min_quality)
         return RingFound(self._good._replace(quality=quality, std_px=std), "ring not in the picture; last one held")
 
+    def _is_doubtful(self, circle: Circle | None) -> bool:
+        """Whether a rim that is not nearly whole may be a part of another: asked at first, and when it stays so."""
+        sure = circle is not None and circle.quality >= _SURE_QUALITY
+        self._weak_frames = 0 if sure else self._weak_frames + 1
+        if self._good is None:
+            return not sure
+        if self._weak_frames < self._doubt_after or not self._seen(circle):
+            return False
+        self._weak_frames, self._doubt_after = 0, 2 * self._doubt_after
+        return True
+
     def _of_other_size(self, circle: Circle | None, edges: Edges) -> Circle | None:
-        """A rim that is not of the configured size, before one has been seen, when it is clearer than `circle`.
+        """A rim of another size, when it is clearer than `circle`.
 
         A circle of the wrong size can lie along half a rim, so that all sizes are tried then; of none, one a frame.
         """
@@ -116,7 +138,7 @@ class RingFinder:
         if not self._seen(circle):
             sizes = sizes[self._lost_frames % len(sizes) :][:1]
         for times in sizes:
-            other = circle_anywhere(edges, configured_shape(times * self._ring.r_max_px))
+            other = circle_anywhere(edges, configured_shape(times * self._configured.r_max_px))
             least = max(_OTHER_QUALITY, self._vision.ring_min_quality, 0.0 if circle is None else circle.quality + 0.1)
             if other is None or other.quality < least:
                 continue

@@ -208,7 +208,9 @@ def test_a_video_has_every_frame_in_the_size_of_the_pictures_at_the_pace_of_the_
 def test_a_frame_that_cannot_be_read_is_dark_in_the_video_with_its_reason(
     omnivert: Any, tiny: Path, tmp_path: Path
 ) -> None:
-    assert omnivert("track", tiny, "--video", tmp_path / "v.avi", "--draw", tmp_path / "d").code == 0
+    ran = omnivert("track", tiny, "--video", tmp_path / "v.avi", "--draw", tmp_path / "d")
+    assert ran.code == 1  # not one of its frames shows a ring
+    assert "OV110" in ran.err
     pictures = _pictures(tmp_path / "v.avi")
     assert len(pictures) == 6
     assert {path.stem for path in (tmp_path / "d").iterdir()} == {f"{k:06d}" for k in (0, 1, 2, 4, 5)}

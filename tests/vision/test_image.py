@@ -69,3 +69,20 @@ def test_any_bytes_give_a_picture_or_a_value_error(data: bytes, form: PixelForma
     frame = _frame(form, np.frombuffer(data, dtype=np.uint8))
     with contextlib.suppress(ValueError):
         assert grey_from_frame(frame).shape == (30, 40)
+
+
+@pytest.mark.parametrize("extension", [".png", ".jpg"])
+def test_a_header_that_tells_of_a_huge_picture_is_refused_before_room_is_made_for_it(extension: str) -> None:
+    form = PixelFormat.PNG if extension == ".png" else PixelFormat.JPEG
+    data = _encoded(extension, PICTURE)
+    at = 18 if extension == ".png" else int(np.flatnonzero((data[:-1] == 0xFF) & (data[1:] == 0xC0))[0]) + 5
+    data[at] = 0x75  # 30 000 and more
+    with pytest.raises(ValueError, match="says 40x30, holds"):
+        grey_from_frame(_frame(form, data))
+
+
+def test_a_png_whose_part_is_longer_than_the_file_is_refused() -> None:
+    data = _encoded(".png", PICTURE)
+    data[33] ^= 0x80  # the length of its second part
+    with pytest.raises(ValueError, match="cannot be decoded"):
+        grey_from_frame(_frame(PixelFormat.PNG, data))
