@@ -34,6 +34,7 @@ _USED_PX = 1.0 / 500.0  # of Rmax: a point nearer to the centre is the centre
 _SURE = 4.0  # sigmas
 _SPAN = 0.9  # of Rmin: how far from the centre the first search looks
 _COARSE_POINTS = 4000
+_EARLY_FRAMES = 3
 _AGREE = 0.15  # of Rmin: two searches this near found the same
 _SEARCH_TOLERANCE_DEG = 20.0  # from far off its point, a line's edges lean
 _CLEARER = 1.4  # how much sharper the lines must be about another point to begin there
@@ -63,7 +64,9 @@ class MeetingFinder:
     @property
     def begun(self) -> bool:
         """The search over all the ring has been, and is not due again; edges that point elsewhere are of no use."""
-        return self._frame < self._next_search
+        # A search takes as long as some frames do. Later on only lines that meet far off are worth it.
+        settled = self._frame >= _EARLY_FRAMES and _apart(self.point, (0.0, 0.0)) < _AGREE * self._ring.r_min_px
+        return settled or self._frame < self._next_search
 
     @property
     def known(self) -> Meeting | None:
