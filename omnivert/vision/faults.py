@@ -54,8 +54,13 @@ class FaultFinder:
         self._before = np.empty((_REMEMBERED, len(_Looks._fields)))
         self._seen = 0
 
-    def step(self, grey: Grey, found: RingFound | None, edges: Edges, lines: Lines) -> list[str]:
-        """What is wrong, worst first; nothing for a good picture."""
+    def step(
+        self, grey: Grey, found: RingFound | None, edges: Edges, lines: Lines, *, sifted: bool = True
+    ) -> list[str]:
+        """What is wrong, worst first; nothing for a good picture.
+
+        sifted  the edges are those of use, as in most frames; of all edges there are more, and they are not remembered
+        """
         u, v = self._ring.center_px if found is None else found.circle[:2]
         kept = lines.angle_rad.size
         told = [f"{lines.found} lines found, the strongest {kept} kept"] if lines.found > kept else []
@@ -69,7 +74,7 @@ class FaultFinder:
             return [f"picture breaks off: its last {_tens(rest)} % are one grey", *told]
         looks = self._looks((u, v), edges, lines)
         told = [*self._against_before(looks), *told]
-        if found is not None and not found.reason and not self._is_passing_by(lines):
+        if sifted and found is not None and not found.reason and not self._is_passing_by(lines):
             self._before[self._seen % _REMEMBERED] = looks
             self._seen += 1
         return told

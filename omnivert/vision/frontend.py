@@ -33,6 +33,7 @@ class Work:
     grey: Grey | None = None
     tone: Array = field(default_factory=lambda: PLAIN)
     edges: Edges | None = None
+    sifted: bool = False  # of all edges only those of use
     found: RingFound | None = None
     lines: Lines = field(default_factory=no_lines)
     descriptor: Float32 | None = None
@@ -146,6 +147,7 @@ class FrontEnd:
             band = self._finder.band(meeting, self._vision.edge_tolerance_deg)
             work.tone = PLAIN if self._paper else tone_of_light(work.grey, band)
             work.edges = self._edges.step(work.grey, band, work.tone)
+            work.sifted = band.leaning < 1.0
 
     def _find_ring(self, work: Work) -> None:
         grey, edges = work.grey, work.edges
@@ -154,6 +156,7 @@ class FrontEnd:
 
         def edges_of(band: Band | None) -> Edges:
             work.edges = self._edges.step(grey, everywhere(grey) if band is None else band, work.tone)
+            work.sifted = False
             return work.edges
 
         work.found = self._finder.step(edges, edges_of)
@@ -190,7 +193,7 @@ class FrontEnd:
 
     def _find_faults(self, work: Work) -> None:
         if work.grey is not None and work.edges is not None:
-            work.reasons.extend(self._faults.step(work.grey, work.found, work.edges, work.lines))
+            work.reasons.extend(self._faults.step(work.grey, work.found, work.edges, work.lines, sifted=work.sifted))
 
     def _describe(self, work: Work) -> None:
         work.descriptor = np.empty((0, self._vision.areas * 2 * self._vision.bins), dtype=np.float32)

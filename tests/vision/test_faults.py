@@ -18,7 +18,7 @@ from tests.vision.drive import Drive, Grey, as_recorded, corridor
 from tests.vision.painting import polar
 
 AT = 30  # of the frame that is spoilt
-BEFORE = 4  # good frames before it
+BEFORE = 9  # the first three frames are searched all over, and not remembered
 SMEARED = "far fewer edges than before: smeared or out of focus"
 
 
