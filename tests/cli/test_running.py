@@ -184,7 +184,7 @@ def test_up_plays_a_recording_in_place_of_the_bridge(straight: Path, tmp_path: P
         assert up.wait(30) == 0, told
     text = "".join(told)
     assert "plays     straight.mcap, in place of the robot" in text
-    assert re.search(r"player: played \d+ messages, 24 frames of them, .* 0 lost", text)
+    assert re.search(r"player: played \d+ messages, 24 frames of them, .* 0 lost", text), text
     assert "bridge" not in text
 
 
