@@ -25,7 +25,7 @@ HOUSE = (
 )
 VISION = (
     "image",
-    "arctangent",
+    "turns",
     "cholesky",
     "edges",
     "rim",

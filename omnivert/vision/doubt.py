@@ -19,7 +19,15 @@ _SAMPLES = 16  # along a line
 _CLIPPED_PX = (0.3, 0.45)  # an edge whose brighter side is clipped all along has moved by this; give or take
 
 
-def allowed_for_lean(lines: Lines, ring: MirrorRing) -> Lines:
+def doubted(lines: Lines, grey: Grey, center: tuple[float, float], ring: MirrorRing) -> Lines:
+    """The lines with sigmas that allow for lean, tilt and clipping, and with what clipping moves, on the mean, undone.
+
+    center  px  of the ring
+    """
+    return _allowed_for_clipping(_allowed_for_tilt(_allowed_for_lean(lines, ring), ring), grey, center, ring)
+
+
+def _allowed_for_lean(lines: Lines, ring: MirrorRing) -> Lines:
     """One that does not run to where lines meet is no single clean edge.
 
     Of bearings more than 4 sigma off on the corridor, the median line leans by 0.42 px, of the others by 0.19 px.
@@ -27,7 +35,7 @@ def allowed_for_lean(lines: Lines, ring: MirrorRing) -> Lines:
     return lines._replace(std_rad=np.hypot(lines.std_rad, _LEAN_SHARE * np.abs(lines.lean_px) / ring.horizon))
 
 
-def allowed_for_tilt(lines: Lines, ring: MirrorRing) -> Lines:
+def _allowed_for_tilt(lines: Lines, ring: MirrorRing) -> Lines:
     """Where the axis leans, bearings are read at the horizon, which may be off; and to the first order of the tilt.
 
     A line that passes the centre at a distance s turns by s dh / h^2 when the horizon is off by dh; the tilt is s / h.
@@ -37,7 +45,7 @@ def allowed_for_tilt(lines: Lines, ring: MirrorRing) -> Lines:
     return lines._replace(std_rad=np.sqrt(lines.std_rad**2 + (share * tilt) ** 2 + (0.5 * tilt**2) ** 2))
 
 
-def allowed_for_clipping(lines: Lines, grey: Grey, center: tuple[float, float], ring: MirrorRing) -> Lines:
+def _allowed_for_clipping(lines: Lines, grey: Grey, center: tuple[float, float], ring: MirrorRing) -> Lines:
     """A sensor that is full cuts off the upper part of an edge, and what is left of it lies too far in the dark.
 
     By how much depends on what was cut off: a mean is corrected, and the rest is doubt. Overexposed by a factor of two,

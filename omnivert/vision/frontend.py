@@ -10,7 +10,7 @@ from omnivert.angles import wrap
 from omnivert.config import Config, MirrorRing
 from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, Ring
 from omnivert.vision.descriptor import Float32
-from omnivert.vision.doubt import allowed_for_clipping, allowed_for_lean, allowed_for_tilt
+from omnivert.vision.doubt import doubted
 from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
 from omnivert.vision.faults import FaultFinder
 from omnivert.vision.image import Grey, grey_from_frame
@@ -168,7 +168,6 @@ class FrontEnd:
         times = work.found.circle.radius_px / self._ring.r_max_px
         if abs(times - 1.0) > _OTHER_SIZE and not self._paper:  # all of the mirror is of another size than configured
             self._take_ring(_resized(self._ring, times))
-            self._finder.take(self._ring)
 
     def _find_lines(self, work: Work) -> None:
         grey, edges = work.grey, work.edges
@@ -183,11 +182,9 @@ class FrontEnd:
             return lines_from_edges(edges, center, circle.std_px, self._ring, vision, meeting)
 
         if self._paper:
-            lines = about((0.0, 0.0))
+            work.lines = about((0.0, 0.0))
         else:
-            lines = allowed_for_tilt(allowed_for_lean(self._meeting.lines(about), self._ring), self._ring)
-            lines = allowed_for_clipping(lines, grey, center, self._ring)
-        work.lines = lines
+            work.lines = doubted(self._meeting.lines(about), grey, center, self._ring)
         if work.lines.angle_rad.size == 0:
             work.reasons.append("no lines")
 

@@ -44,23 +44,25 @@ def _decoded(frame: Frame) -> NDArray[np.uint8]:
     # A JPEG that was cut off still decodes, to a picture whose rest is flat grey with a hard false edge.
     if frame.format is PixelFormat.JPEG and _JPEG_END not in frame.data[-_JPEG_PADDING:].tobytes():
         raise ValueError("jpeg frame is cut off")
-    told = _told_size(frame.data.tobytes(), frame.format)
-    if told is not None and told != (frame.width_px, frame.height_px):  # a decoder would make room for it first
-        raise ValueError(f"{frame.format} frame says {frame.width_px}x{frame.height_px}, holds {told[0]}x{told[1]}")
+    told = _told_size(frame.data.data, frame.format)
+    if told is not None:  # a decoder would first make room for whatever it says
+        _hold_to_size(frame, *told)
     try:
         grey = cv2.imdecode(frame.data, _READ) if frame.data.size else None
     except cv2.error as error:
         raise ValueError(f"{frame.format} frame cannot be decoded") from error
     if grey is None:
         raise ValueError(f"{frame.format} frame cannot be decoded")
-    if grey.shape != (frame.height_px, frame.width_px):
-        raise ValueError(
-            f"{frame.format} frame says {frame.width_px}x{frame.height_px}, holds {grey.shape[1]}x{grey.shape[0]}"
-        )
+    _hold_to_size(frame, grey.shape[1], grey.shape[0])
     return np.asarray(grey, dtype=np.uint8)
 
 
-def _told_size(data: bytes, form: PixelFormat) -> tuple[int, int] | None:
+def _hold_to_size(frame: Frame, width: int, height: int) -> None:
+    if (width, height) != (frame.width_px, frame.height_px):
+        raise ValueError(f"{frame.format} frame says {frame.width_px}x{frame.height_px}, holds {width}x{height}")
+
+
+def _told_size(data: memoryview, form: PixelFormat) -> tuple[int, int] | None:
     """Width and height as the file's header tells them; None when there is none to be read.
 
     raises  ValueError when a part of a PNG says that it is longer than the file

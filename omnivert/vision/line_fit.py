@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.angles import TURN
 from omnivert.compiled import compiled
+from omnivert.vision.turns import cell_of, short_way
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -36,7 +36,7 @@ def fitted(
     # Points line by line, so that a line's sums stay in registers.
     line, first = np.empty(theta.size, dtype=np.int64), np.zeros(lines + 2, dtype=np.int64)
     for k in range(theta.size):
-        line[k] = owner[0 if polarity[k] > 0 else 1, int((theta[k] / TURN + 0.5) * sectors) % sectors]
+        line[k] = owner[0 if polarity[k] > 0 else 1, cell_of(theta[k], sectors)]
         first[line[k] + 2] += 1  # those of no line come first
     for i in range(lines + 1):
         first[i + 1] += first[i]
@@ -59,8 +59,7 @@ def _fit(theta: Float, r: Float, extent: Float, start: float, horizon: float) ->
     """One line, see `fitted`, as if its points' errors had nothing in common."""
     off, g, fit = np.empty(r.size), np.empty(r.size), np.zeros(8)
     for k in range(r.size):
-        away = theta[k] - start
-        off[k] = r[k] * (away - TURN * np.rint(away / TURN))
+        off[k] = r[k] * short_way(theta[k] - start)
         g[k] = 1.0 - r[k] / horizon
     turned = before = 0.0
     for width in _WIDTHS_PX:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from omnivert.angles import TURN, wrap
 from omnivert.compiled import compiled
 from omnivert.config import MirrorRing, Vision
-from omnivert.vision.arctangent import arctan2
 from omnivert.vision.edges import Array, Edges
 from omnivert.vision.line_fit import fitted
+from omnivert.vision.turns import arctan2, cell_of
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -246,8 +246,7 @@ def _polar_histograms(angle: Float, weight: Float, polarity: Int, sectors: int) 
     """(2, sectors): the rising edges' votes in sectors, and the falling ones'."""
     histogram = np.zeros((2, sectors))
     for k in range(angle.size):
-        sector = int((angle[k] / TURN + 0.5) * sectors) % sectors
-        histogram[0 if polarity[k] > 0 else 1, sector] += weight[k]
+        histogram[0 if polarity[k] > 0 else 1, cell_of(angle[k], sectors)] += weight[k]
     return histogram
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from omnivert.angles import TURN, wrap
 from omnivert.compiled import compiled
 from omnivert.vision.cholesky import factored, solved
+from omnivert.vision.turns import cell_of, short_way
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -121,7 +122,7 @@ def _piled_up(delta: Float, weight: Float) -> float:
     """The angle about which most weight lies; NaN when that is too little."""
     pile, smooth = np.zeros(_TURN_CELLS), np.zeros(_TURN_CELLS)
     for k in range(delta.size):
-        pile[int((delta[k] / TURN + 0.5) * _TURN_CELLS) % _TURN_CELLS] += weight[k]
+        pile[cell_of(delta[k], _TURN_CELLS)] += weight[k]
     for _ in range(3):
         for k in range(_TURN_CELLS):
             smooth[k] = 0.5 * pile[k] + 0.25 * (pile[k - 1] + pile[(k + 1) % _TURN_CELLS])
@@ -129,17 +130,15 @@ def _piled_up(delta: Float, weight: Float) -> float:
     peak = np.argmax(pile)
     if pile[peak] < _TURN_EVIDENCE:
         return np.nan
-    turn = (peak + 0.5) / _TURN_CELLS * TURN - np.pi
+    turn = float((peak + 0.5) / _TURN_CELLS * TURN - np.pi)
     for _ in range(2):
         total = moved = 0.0
         for k in range(delta.size):
-            off = delta[k] - turn
-            off -= TURN * np.floor(off / TURN + 0.5)
+            off = short_way(delta[k] - turn)
             near = weight[k] * max(1.0 - (off / _TURN_WIDTH_RAD) ** 2, 0.0)
             total, moved = total + near, moved + near * off
         if total > 0.0:
-            turn += moved / total
-            turn -= TURN * np.floor(turn / TURN + 0.5)
+            turn = short_way(turn + moved / total)
     return turn
 
 
@@ -151,8 +150,7 @@ def _look_alikes(angle: Float, predicted: Float, D: Float, polarity: Int, track_
     for i in range(D.shape[0]):
         for j in range(D.shape[1]):
             if polarity[i] == track_polarity[j] and D[i, j] < 3.0 * DESCRIPTOR_STD:
-                off = angle[i] - predicted[j]
-                delta[count] = off - TURN * np.floor(off / TURN + 0.5)
+                delta[count] = short_way(angle[i] - predicted[j])
                 weight[count] = np.exp(-0.5 * (D[i, j] / DESCRIPTOR_STD) ** 2)
                 count += 1
     return delta[:count], weight[:count]

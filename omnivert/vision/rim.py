@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from omnivert.angles import TURN
 from omnivert.compiled import compiled
-from omnivert.vision.arctangent import arctan2
 from omnivert.vision.cholesky import factored, solved
 from omnivert.vision.edges import Array, Edges
+from omnivert.vision.turns import arctan2, cell_of
 
 Float = NDArray[np.float64]
 
@@ -246,6 +246,14 @@ def _refined(u: Float, v: Float, x: Float, known: Float, known_std: Float, width
 
 
 @compiled
+def _seen_from(du: float, dv: float) -> tuple[float, float, float, float, float]:
+    """A point from the centre: distance, cos and sin of its angle a, cos 2a and sin 2a; also on the centre itself."""
+    distance = max(np.sqrt(du * du + dv * dv), 1e-9)
+    cos, sin = du / distance, dv / distance
+    return distance, cos, sin, cos * cos - sin * sin, 2.0 * cos * sin
+
+
+@compiled
 def _rim_normal(u: Float, v: Float, x: Float, width: float) -> tuple[Float, Float, float, float, int]:
     """Normal equations of one step: matrix (5, 5), right side (5,), sum of weights, weighted squares, points used."""
     normal, right, slope = np.zeros((5, 5)), np.zeros(5), np.empty(5)
@@ -253,9 +261,7 @@ def _rim_normal(u: Float, v: Float, x: Float, width: float) -> tuple[Float, Floa
     count = 0
     for k in range(u.size):
         du, dv = u[k] - x[0], v[k] - x[1]
-        distance = max(np.sqrt(du * du + dv * dv), 1e-9)
-        cos, sin = du / distance, dv / distance
-        even, odd = cos * cos - sin * sin, 2.0 * cos * sin
+        distance, cos, sin, even, odd = _seen_from(du, dv)
         e = distance - x[2] - x[3] * even - x[4] * odd
         near = 1.0 - (e / width) ** 2
         if near <= 0.0:
@@ -292,12 +298,11 @@ def _rim_share(
     strongest, off = np.zeros(_BINS), np.zeros(_BINS)
     for k in range(u.size):
         du, dv = u[k] - center_u, v[k] - center_v
-        distance = max(np.sqrt(du * du + dv * dv), 1e-9)
-        cos, sin = du / distance, dv / distance
-        e = distance - radius - even * (cos * cos - sin * sin) - odd * 2.0 * cos * sin
+        distance, _, _, cos_2a, sin_2a = _seen_from(du, dv)
+        e = distance - radius - even * cos_2a - odd * sin_2a
         if abs(e) > RIM_BAND * on_rim:
             continue
-        place = int((arctan2(dv, du) / TURN + 0.5) * _BINS) % _BINS
+        place = cell_of(arctan2(dv, du), _BINS)
         if strength[k] > strongest[place]:
             strongest[place], off[place] = strength[k], abs(e)
     taken = on = 0

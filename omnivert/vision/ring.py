@@ -45,21 +45,16 @@ class RingFinder:
     """
 
     def __init__(self, ring: MirrorRing, vision: Vision) -> None:
-        self._configured = ring
+        self._ring = ring
         self._vision = vision
         self._forget()
         self._lost_frames = 0
 
     def _forget(self) -> None:
-        self._ring = self._configured
-        self._shape = configured_shape(self._configured.r_max_px)
+        self._shape = configured_shape(self._ring.r_max_px)
         self._learnt = 0
         self._good: Circle | None = None
         self._weak_frames, self._doubt_after = 0, self._vision.lookback_frames
-
-    def take(self, ring: MirrorRing) -> None:
-        """The ring's radii as they are, where they are not as configured."""
-        self._ring = ring
 
     def band(self, meeting: tuple[float, float] | None, tolerance_deg: float) -> Band:
         """The part of the picture whose edges the next frame needs first.
@@ -71,7 +66,7 @@ class RingFinder:
         if meeting is None or not self._just_seen:
             return band
         # The centre may move by a step until then, which turns everything about it.
-        turned = np.deg2rad(tolerance_deg) + np.arcsin(min(_STEP_PX / max(self._ring.r_min_px, 1e-9), 1.0))
+        turned = np.deg2rad(tolerance_deg) + np.arcsin(min(_STEP_PX / max(self._r_min, 1e-9), 1.0))
         reach, rim_leaning = rim_zone(self._shape.radius_px, 1.5 * self._search)
         return band._replace(
             toward_u_px=band.u_px + meeting[0],
@@ -100,10 +95,12 @@ class RingFinder:
         if not self._seen(circle) and self._search < vision.ring_search_px:
             wide = edges_of(self._band(vision.ring_search_px))
             circle = circle_near(wide, self._expected, shape, vision.ring_search_px, refine=refine)
+        everything: Edges | None = None
         if not self._seen(circle):
-            circle = circle_anywhere(edges_of(None), shape, refine=refine)
+            everything = edges_of(None)
+            circle = circle_anywhere(everything, shape, refine=refine)
         if refine and self._is_doubtful(circle):
-            circle = self._of_other_size(circle, edges_of(None))
+            circle = self._of_other_size(circle, edges_of(None) if everything is None else everything)
         if circle is not None and self._seen(circle):
             self._good, self._lost_frames = circle, 0
             if refine:
@@ -138,7 +135,7 @@ class RingFinder:
         if not self._seen(circle):
             sizes = sizes[self._lost_frames % len(sizes) :][:1]
         for times in sizes:
-            other = circle_anywhere(edges, configured_shape(times * self._configured.r_max_px))
+            other = circle_anywhere(edges, configured_shape(times * self._ring.r_max_px))
             least = max(_OTHER_QUALITY, self._vision.ring_min_quality, 0.0 if circle is None else circle.quality + 0.1)
             if other is None or other.quality < least:
                 continue
@@ -150,6 +147,11 @@ class RingFinder:
             circle = max((c for c in (other, *nearly) if c is not None), key=lambda c: c.quality)
             self._shape = configured_shape(circle.radius_px)
         return circle
+
+    @property
+    def _r_min(self) -> float:
+        """Of the ring that is there: when the rim is not of the configured size, all of the mirror is not."""
+        return self._ring.r_min_px * self._shape.radius_px / self._ring.r_max_px
 
     @property
     def _expected(self) -> tuple[float, float]:
@@ -165,7 +167,7 @@ class RingFinder:
 
     def _band(self, search: float) -> Band:
         radius = self._shape.radius_px
-        inner, outer = self._ring.r_min_px - search, radius + 1.5 * search + RIM_BAND * on_rim_px(radius)
+        inner, outer = self._r_min - search, radius + 1.5 * search + RIM_BAND * on_rim_px(radius)
         return Band(*self._expected, max(inner, 0.0), outer)
 
     def _seen(self, circle: Circle | None) -> bool:

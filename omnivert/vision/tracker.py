@@ -16,7 +16,7 @@ Float = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 Int = NDArray[np.int64]
 
-_YOUNG_STD_RAD = np.deg2rad(1.5)  # and when it is not
+_YOUNG_STD_RAD = np.deg2rad(1.5)  # how well a line's next bearing is known when its own motion is not
 _LOOSE_STD_RAD = np.deg2rad(2.0)  # when the flow is still to be found
 _MAX_STD_RAD = np.deg2rad(3.0)
 _YOUNG_FRAMES = 2
@@ -156,13 +156,11 @@ class Tracker:
         Both from pairs that are each other's best within a wide gate.
         """
         tracks, turn = self._tracks, self.common_turn_rad
-        if D.size == 0 or recent.size == 0:
+        if D.size == 0:
             return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
         cost = self._costs(lines, D, usual, np.full(usual.size, _LOOSE_STD_RAD), recent, DESCRIPTOR_STD)
         row, column = mutual_best(cost)
-        if (
-            row.size == 0 or row.size < _FLOW_SHARE * recent.size
-        ):  # a smeared frame: the few pairs in it are mostly chance
+        if row.size < _FLOW_SHARE * recent.size:  # a smeared frame: the few pairs in it are mostly chance
             return Flow(turn, 1.0, 0.0, 0.0, 0.0), 1.0
         unlike = float(np.partition(D[row, column], row.size // 2)[row.size // 2]) / _USUAL_DISTANCE
         track = recent[column]
