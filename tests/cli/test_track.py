@@ -189,6 +189,17 @@ def test_a_ring_that_is_not_where_it_is_configured_is_told(omnivert: Any, straig
     assert omnivert("track", straight, "--json").json["notes"] == {}
 
 
+def test_a_rig_of_the_configuration_that_the_recording_does_not_share_is_told(
+    omnivert: Any, straight: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "other.toml"
+    file.write_text("[ring]\nr_max_px = 150.0\n[vision]\nmax_lines = 150\n")
+    for command in ("track", "calibrate"):
+        ran = omnivert(command, straight, "--config", file)
+        assert "not used of the configuration: ring.r_max_px;" in ran.err
+    assert "not used" not in omnivert("track", straight).err
+
+
 def test_a_video_has_every_frame_in_the_size_of_the_pictures_at_the_pace_of_the_stamps(
     omnivert: Any, straight: Path, tmp_path: Path
 ) -> None:
