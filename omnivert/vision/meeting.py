@@ -51,7 +51,7 @@ class Meeting(NamedTuple):
 
 
 class MeetingFinder:
-    """Looks over all the ring once, then follows what the lines of every frame say."""
+    """Looks over all the ring in the first frames, then follows what the lines of every frame say."""
 
     def __init__(self, ring: MirrorRing) -> None:
         self._ring = ring
@@ -117,16 +117,14 @@ class MeetingFinder:
         """
         self._frame += 1
         u, v = self.point
-        for _ in range(_LOOKS):
+        for look in range(1, _LOOKS + 1):
             lines = about((u, v))
             off, shown, count = _common_lean(lines.angle_rad, lines.lean_px, lines.lean_std_px)
             if count < _LEAST_LINES:
                 return lines
-            if np.hypot(*off) < _FAR_PX:
+            if look == _LOOKS or np.hypot(*off) < _FAR_PX:
                 break
             u, v = u + off[0], v + off[1]
-        else:
-            off = (0.0, 0.0)
         seen = self._seen
         seen.add(u + off[0], v + off[1], _weighed(shown, 1.0 / _PRIOR_PX**2, off, off)[1])
         self._decide()
