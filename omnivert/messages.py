@@ -154,6 +154,17 @@ class ParameterVerdict:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Correction:
+    """What the drive shows of the clocks and the wheels, beside the mount."""
+
+    name: Name  # time_offset, wheel_ratio or wheel_base
+    value: Annotated[float, Within(-1e6, 1e6)]  # s (camera stamps late: > 0); right / left; m
+    std: Annotated[float, Within(0.0, 1e6)]
+    freed: bool  # estimated from this drive; else held at what is configured
+    reason: Text = ""  # why it is held
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """What the calibration knows after one frame; published for every frame, also when it is nothing yet."""
 
@@ -171,6 +182,10 @@ class Estimate:
     lines_new: Count  # seen, position not known yet
     lines_rejected: Count  # contradicting the others
     reasons: Annotated[tuple[Text, ...], Within(0, 16)] = ()
+    smoother: Mount | None = None  # the batch solution over the drive; `mount` is the filter's
+    disagreement: Annotated[float, Within(0.0, 1e6)] = 0.0  # of filter and smoother, in sigmas
+    bound_std: Annotated[NDArray[np.float64], Array("float64", (3,), 0.0)] | None = None  # Cramér-Rao, phi, rho, psi
+    corrections: Annotated[tuple[Correction, ...], Within(0, 8)] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

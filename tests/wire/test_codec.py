@@ -104,6 +104,8 @@ def plain(value: Any) -> Any:
         return value.dtype.name, value.shape, value.tobytes()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return type(value).__name__, {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, tuple):
+        return tuple(plain(item) for item in value)
     return value
 
 
