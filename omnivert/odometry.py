@@ -24,6 +24,29 @@ class Motion:
     turned_rad: float  # sum of |heading change|
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """What the encoders told between two stamps; both ends are the stamps themselves."""
+
+    time_s: Array  # (S,)
+    right_m: Array  # (S,) cumulative
+    left_m: Array  # (S,)
+
+    @property
+    def moved_m(self) -> tuple[float, float]:
+        """Way of the right and of the left wheel."""
+        return float(self.right_m[-1] - self.right_m[0]), float(self.left_m[-1] - self.left_m[0])
+
+    def __add__(self, later: "Samples") -> "Samples":
+        """Both, one after the other; of a stand only its ends are kept."""
+        time = np.concatenate([self.time_s, later.time_s[1:]])
+        right = np.concatenate([self.right_m, later.right_m[1:] + (self.right_m[-1] - later.right_m[0])])
+        left = np.concatenate([self.left_m, later.left_m[1:] + (self.left_m[-1] - later.left_m[0])])
+        turns = (np.diff(right) != 0.0) | (np.diff(left) != 0.0)
+        kept = np.concatenate([[True], turns[:-1] | turns[1:], [True]])
+        return Samples(time[kept], right[kept], left[kept])
+
+
 def nothing() -> Motion:
     return Motion(np.zeros(3), np.zeros((3, 3)), np.zeros(2), 0.0, 0.0)
 
@@ -155,7 +178,7 @@ class Odometer:
             self._chain += 1
         self._append(ticks)
 
-    def motion(self, first_ns: int, last_ns: int) -> Motion | None:
+    def samples(self, first_ns: int, last_ns: int) -> Samples | None:
         """From one stamp to a later one; None where the counts do not reach, or where the chain is broken."""
         known = self._known
         if not known or first_ns < known[0][0] or last_ns > known[-1][0]:
@@ -166,16 +189,22 @@ class Odometer:
         part = [known[k] for k in range(i, j + 1)]
         if part[0][1] != part[-1][1]:
             return None
-        at = (stamps[i : j + 1] - first_ns) / SECOND
-        inside = [
-            0.0,
-            *(float(t) for t in at if 0.0 < t < (last_ns - first_ns) / SECOND),
-            (last_ns - first_ns) / SECOND,
-        ]
-        right = np.interp(inside, at, [k[2] for k in part])
-        left = np.interp(inside, at, [k[3] for k in part])
+        at = stamps[i : j + 1]
+        inside = np.array([first_ns, *at[(at > first_ns) & (at < last_ns)].tolist(), last_ns], dtype=np.int64)
+        since = (at - first_ns) / SECOND
+        right = np.interp((inside - first_ns) / SECOND, since, [k[2] for k in part])
+        left = np.interp((inside - first_ns) / SECOND, since, [k[3] for k in part])
+        return Samples(inside / SECOND, right, left)
+
+    def motion(self, samples: Samples, wheel_ratio: float = 1.0, base: float = 1.0) -> Motion:
+        """The motion that these samples tell, with the true ratio of the wheels and the true base / configured."""
+        share = 0.5 * (wheel_ratio - 1.0)
         return motion_from_wheels(
-            np.diff(right), np.diff(left), self._base, self._encoder.noise_k_m, self._encoder.metres_per_tick
+            np.diff(samples.right_m) * (1.0 + share),
+            np.diff(samples.left_m) * (1.0 - share),
+            self._base * base,
+            self._encoder.noise_k_m,
+            self._encoder.metres_per_tick,
         )
 
     def forget_before(self, stamp_ns: int) -> None:

@@ -6,23 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration import model
+from omnivert.calibration import corrections, model
+from omnivert.calibration.nominal import nominal_information
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.observability import (
     Piece,
     centres,
     covariance_from_information,
     larger,
-    nominal_information,
-    nominal_steps,
     pieces,
 )
-from omnivert.calibration.problem import Problem, with_frames
-from omnivert.calibration.smoother import Solution, joint, polished, solved
+from omnivert.calibration.problem import GLOBALS, Prior, Problem, with_frames
+from omnivert.calibration.smoother import Search, Solution, joint, marginal
 from omnivert.calibration.start import started
 from omnivert.calibration.stretch import Posed, Stretch
 from omnivert.config import Config
-from omnivert.odometry import Motion
+from omnivert.messages import Correction
+from omnivert.odometry import Samples
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -41,6 +41,8 @@ class Result:
     lines: int
     disagreement: float  # of the halves of the drive, chi-square of 3 degrees of freedom
     seed: tuple[Array, Array, tuple[int, ...]]  # lines (N, 2) as (1/D, theta), joint covariance with mount, tracks
+    corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
+    told: tuple[Correction, ...]  # the same for people
 
     @property
     def honest_covariance(self) -> Array:
@@ -63,11 +65,11 @@ class Batch:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self._stretch = Stretch()
-        self._cartesian: Array | None = None  # eta, cx, cy of the last solution
-        self._prior_mean = np.zeros(3)
-        self._prior_information = np.zeros((3, 3))
-        self._prior_shown = np.zeros((3, 3))
+        self._stretch = Stretch(config)
+        self._shared: Array | None = None  # mount (eta, cx, cy) and corrections of the last solution
+        self._prior = corrections.first_prior()
+        self._prior_shown = self._prior.information
+        self._free = corrections.freed_at_first(config)
         self._prior_centres: list[Piece] = []
         self._centres: tuple[Piece, ...] | None = None  # of all keyframes; None when not known yet
         self._gap = 0.0
@@ -76,82 +78,97 @@ class Batch:
         self.keyframes = 0  # since the beginning
         self.inlier_share = 1.0  # of the last solution, clear or not
 
-    def append(self, motion: Motion, track: Index, beta: Array, std: Array) -> None:
-        self._stretch.append(motion, track, beta, std)
+    def append(self, stamp_s: float, wheels: Samples | None, track: Index, beta: Array, std: Array) -> None:
+        """One more keyframe, and the wheels since the one before; None where their way is unknown."""
+        self._stretch.append(stamp_s, wheels, track, beta, std)
         self._centres = None
         self.keyframes += 1
 
     def solve(self) -> Result | None:
         """The best mount for all keyframes; None while there is no single clear one."""
-        settings = self._config.calibration
         posed = self._posed()
         problem = posed.problem
         if problem.lines < 1 or problem.frames < 8 or problem.beta.size < 3 * problem.lines:
             return None
-        solution = self._solution(posed)
-        if solution is None:
+        search = Search(problem)
+        try:
+            solution = self._solution(search, posed)
+            if solution is None:
+                return None
+            search, solution = self._freed(search, solution)
+            self.inlier_share = solution.inlier_share
+            self._shared = solution.x.shared.copy()
+            self._stretch.remember(posed, solution)
+            result = self._result(search, posed, solution)
+            if problem.frames >= self._config.calibration.window_keyframes:
+                self._cut(problem.frames // 2)
+        except ArithmeticError:  # this stretch determines nothing yet
             return None
-        self.inlier_share = solution.inlier_share()
-        self._cartesian = solution.x.mount.copy()
-        self._stretch.remember(posed, solution)
-        result = self._result(posed, solution)
-        if problem.frames >= settings.window_keyframes:
-            self._cut(problem.frames // 2)
         return result
 
     def centres(self) -> tuple[Piece, ...]:
         """Clearly different centres of rotation so far, as the wheels tell."""
         if self._centres is None:
             encoder = self._config.encoder
-            wheels = np.array([k.motion.wheels_m for k in self._stretch.keyframes[1:]]).reshape(-1, 2)
+            ways = [k.wheels for k in self._stretch.keyframes[1:]]
+            wheels = np.array([(0.0, 0.0) if w is None else w.moved_m for w in ways]).reshape(-1, 2)
             found = pieces(wheels, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick)
             self._centres = tuple(centres(self._prior_centres + found))
         return self._centres
 
-    def cut_chain(self) -> None:
-        """The way to the next keyframe is unknown; from there on only the mount is the same."""
-        self._stretch.cut_chain()
-
     def _posed(self) -> Posed:
-        settings = self._config.calibration
-        return self._stretch.posed(self._prior_mean, self._prior_information, settings.window_lines, 4)
+        prior = replace(self._prior, free=np.concatenate([np.ones(3, dtype=np.bool_), self._free]))
+        return self._stretch.posed(prior, self._config.calibration.window_lines, 4)
 
-    def _solution(self, posed: Posed) -> Solution | None:
+    def _solution(self, search: Search, posed: Posed) -> Solution | None:
         settings = self._config.calibration
         problem = posed.problem
         found: Solution | None = None
-        if self._cartesian is not None:
-            x = self._stretch.guess(posed, self._cartesian)
-            found = polished(problem, solved(problem, x, problem.std, 12, 0.01), 2)
+        if self._shared is not None:
+            x = self._stretch.guess(posed, self._shared)
+            found = search.polished(search.solved(x, problem.std, 12, 0.01), 2)
         kinds = len(self.centres())
-        doubtful = found is None or self._gap < settings.clear_gap or found.inlier_share() < settings.clear_inliers
+        doubtful = found is None or self._gap < settings.clear_gap or found.inlier_share < settings.clear_inliers
         growth = problem.frames / max(self._searched, 1)
         due = growth >= (1.5 if kinds < 2 else 1.15 if doubtful else 1.35)  # one kind of motion has no clear solution
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
         if due or kinds != self._searched_kinds:
             self._searched, self._searched_kinds = problem.frames, kinds
-            start = started(problem, settings.max_rho_m, 4, settings.start_keyframes, settings.start_lines)
+            start = started(problem, settings.max_rho_m, settings.start_etas, settings.start_lines)
             if start is not None:
                 if found is None or start.solution.score < found.score - 3.0:
                     found = start.solution
                 self._gap = start.gap
         return found
 
-    def _result(self, posed: Posed, solution: Solution) -> Result | None:
-        settings, encoder = self._config.calibration, self._config.encoder
+    def _freed(self, search: Search, solution: Solution) -> tuple[Search, Solution]:
+        """The solution with those corrections freed that the drive shows."""
+        if len(self.centres()) < 2 or self._gap < self._config.calibration.clear_gap:
+            return search, solution
+        information, step = search.opened(solution)
+        free = corrections.freed(self._config, self._free, information, step, solution.x.corrections)
+        if (free == self._free).all():
+            return search, solution
+        self._free = free
+        problem = search.problem
+        prior = replace(problem.prior, free=np.concatenate([np.ones(3, dtype=np.bool_), free]))
+        again = Search(replace(problem, prior=prior))
+        shared = solution.x.shared.copy()
+        shared[3:] = np.where(free, shared[3:], prior.held)
+        return again, again.polished(again.solved(replace(solution.x, shared=shared), problem.std, 20, 0.01), 2)
+
+    def _result(self, search: Search, posed: Posed, solution: Solution) -> Result | None:
+        settings = self._config.calibration
         mount, slope = model.polar_from_cartesian(solution.x.mount)
-        share = solution.inlier_share()
+        share = solution.inlier_share
         if self._gap < settings.clear_gap or share < settings.clear_inliers or mount[1] > settings.max_rho_m:
             return None
         problem = posed.problem
-        step, found = nominal_steps(
-            problem, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick
-        )
-        shown = (
-            nominal_information(replace(problem, prior_information=np.zeros((3, 3))), solution, step)
-            + self._prior_shown
-        )
-        covariance = slope @ covariance_from_information(solution.mount_information()) @ slope.T
+        shown, found = nominal_information(problem, solution)
+        shown = marginal(shown + self._prior_shown, self._free)
+        information, _ = search.opened(solution)
+        covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
+        at = solution.x.corrections
         return Result(
             mount,
             covariance,
@@ -162,23 +179,28 @@ class Batch:
             problem.lines,
             self._halves(problem, solution),
             self._seed(posed, solution),
+            at.copy(),
+            corrections.told(self._config, self._free, at, corrections.stds(information)),
         )
 
     def _halves(self, problem: Problem, solution: Solution) -> float:
         """How far the halves of the stretch disagree about the mount: chi-square of three degrees of freedom."""
         middle = problem.frames // 2
         # A pull to the whole solution, a twentieth of its information, keeps a half in its valley.
-        pull = 0.05 * solution.mount_information()
+        pull = np.zeros((GLOBALS, GLOBALS))
+        pull[:3, :3] = 0.05 * solution.mount_information
+        x = solution.x
+        only = np.arange(GLOBALS) < 3
+        prior = Prior(x.shared, pull, only, x.corrections)
         found = []
         for first, last in ((0, middle), (middle, problem.frames)):
             part, lines = with_frames(problem, first, last)
             if part.frames < 3 or not part.line.size:
                 return 0.0
-            part = replace(part, prior_mean=solution.x.mount, prior_information=pull)
-            x = solution.x
-            x = Unknowns(x.pose[first:last], x.mount, x.anchor[lines], x.u[lines], x.w[lines])
-            half = solved(part, x, part.std, 6, 0.1)
-            found.append((half.x.mount, covariance_from_information(half.mount_information())))
+            part = replace(part, prior=prior)
+            begin = Unknowns(x.pose[first:last], x.shared, x.anchor[lines], x.u[lines], x.w[lines])
+            half = Search(part).solved(_from_origin(begin), part.std, 6, 0.1)
+            found.append((half.x.mount, covariance_from_information(half.mount_information)))
         off = found[0][0] - found[1][0]
         off[0] = wrap(float(off[0]))
         return float(off @ np.linalg.solve(found[0][1] + found[1][1], off))
@@ -186,7 +208,7 @@ class Batch:
     def _seed(self, posed: Posed, solution: Solution) -> tuple[Array, Array, tuple[int, ...]]:
         """The lines seen in the last keyframe, as the filter holds them, with the joint covariance."""
         newest = self._stretch.keyframes[-1]
-        number = {name: i for i, name in enumerate(posed.names)}
+        number = {name: i for i, name in enumerate(posed.names.tolist())}
         x = solution.x
         tracks, index = [], []
         for name, track in zip(newest.line.tolist(), newest.track.tolist(), strict=True):
@@ -226,22 +248,26 @@ class Batch:
         rest = self._stretch.keyframes[count:]
         self._stretch.keyframes = self._stretch.keyframes[:count]
         posed = self._posed()
-        clear = self._cartesian is not None and self._gap >= self._config.calibration.clear_gap
-        if clear and self._cartesian is not None and posed.problem.lines and posed.problem.frames > 2:
-            encoder = self._config.encoder
+        clear = self._shared is not None and self._gap >= self._config.calibration.clear_gap
+        if clear and self._shared is not None and posed.problem.lines and posed.problem.frames > 2:
             problem = posed.problem
-            x = self._stretch.guess(posed, self._cartesian)
-            solution = solved(problem, x, problem.std, 12, 0.01)
-            step, found = nominal_steps(
-                problem, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick
-            )
-            self._prior_shown = self._prior_shown + nominal_information(
-                replace(problem, prior_information=np.zeros((3, 3))), solution, step
-            )
-            self._prior_information = solution.mount_information()
-            self._prior_mean = solution.x.mount.copy()
+            search = Search(problem)
+            solution = search.solved(self._stretch.guess(posed, self._shared), problem.std, 12, 0.01)
+            shown, found = nominal_information(problem, solution)
+            self._prior_shown = self._prior_shown + shown
+            information, step = search.opened(solution)
+            self._prior = replace(self._prior, mean=solution.x.shared + step, information=information)
             self._prior_centres += centres(found)
         self._stretch.keyframes += rest
         self._stretch.drop_first(count)
         self._centres = None
         self._searched = len(rest)
+
+
+def _from_origin(x: Unknowns) -> Unknowns:
+    """The same with the first pose at the origin."""
+    px, py, turn = x.pose[0]
+    c, s = np.cos(turn), np.sin(turn)
+    back = np.array([[c, s], [-s, c]])
+    pose = np.column_stack([(x.pose[:, :2] - [px, py]) @ back.T, x.pose[:, 2] - turn])
+    return Unknowns(pose, x.shared, (x.anchor - [px, py]) @ back.T, x.u - turn, x.w)

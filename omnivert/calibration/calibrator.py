@@ -1,6 +1,7 @@
 """The one step message -> estimate: holds frames until the wheels cover them, then filter, batch and verdict."""
 
 from collections import Counter, deque
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from omnivert.calibration.sighting import Sighting, clean_sighting
 from omnivert.calibration.verdict import Shown, Verdict, paper_verdict, verdict
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
-from omnivert.odometry import SECOND, Motion, Odometer, joined, nothing
+from omnivert.odometry import SECOND, Motion, Odometer, Samples, nothing
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,10 @@ class Calibrator:
         self._refused: Counter[str] = Counter()
         self._newest_ns = -1  # frame received
         self._last_ns: int | None = None  # frame worked on
-        self._last_key: Motion | None = None  # motion since the last keyframe; None before the first
+        self._since_key: Samples | None = None  # wheels since the last keyframe; None before the first or after a break
+        self._way_since_key = (0.0, 0.0)  # m, rad
+        self._has_key = False
+        self._corrections = np.zeros(3)  # time offset (s), wheel ratio - 1, base / configured - 1
         self._frames = 0
         self._driven_m = 0.0
         self._turned_rad = 0.0
@@ -114,8 +118,7 @@ class Calibrator:
         if motion is not None:
             self._driven_m += motion.driven_m
             self._turned_rad += motion.turned_rad
-            if self._last_key is not None:
-                self._last_key = joined(self._last_key, motion)
+            self._way_since_key = (self._way_since_key[0] + motion.driven_m, self._way_since_key[1] + motion.turned_rad)
             if self._filter is not None:
                 self._filter.predict(motion)
             if self._is_keyframe():
@@ -126,31 +129,34 @@ class Calibrator:
 
     def _motion(self, stamp_ns: int, reasons: list[str]) -> Motion | None:
         """Since the last frame that the wheels covered; the first one has moved nowhere."""
-        first = self._odometer.motion(stamp_ns, stamp_ns)
-        if first is None:
+        offset, ratio, base = self._corrections
+        at_ns = stamp_ns - round(offset * SECOND)
+        if self._odometer.samples(stamp_ns, stamp_ns) is None:
             reasons.append("no wheel counts at this frame")
             return None
         if self._last_ns is None:
             self._last_ns = stamp_ns
             return nothing()
-        motion = self._odometer.motion(self._last_ns, stamp_ns)
+        told = self._odometer.samples(self._last_ns, stamp_ns)
+        motion = told if offset == 0.0 else self._odometer.samples(self._last_ns - stamp_ns + at_ns, at_ns)
         self._last_ns = stamp_ns
-        if motion is None:
+        if told is None:
             reasons.append("the wheels' counts broke off; the way since the last frame is unknown")
-            self._batch.cut_chain()
-            self._last_key = None
+            self._since_key = None
+            self._way_since_key = (np.inf, np.inf)
             if self._filter is not None:
                 self._filter.forget_lines()
             return nothing()
-        return motion
+        if self._has_key:
+            self._since_key = told if self._since_key is None else self._since_key + told
+        return self._odometer.motion(told if motion is None else motion, 1.0 + ratio, 1.0 + base)
 
     def _is_keyframe(self) -> bool:
-        if self._last_key is None or self._paper:
+        if not self._has_key or self._paper:
             return True
         settings = self._config.calibration
-        return self._last_key.driven_m >= settings.keyframe_step_m or self._last_key.turned_rad >= np.deg2rad(
-            settings.keyframe_turn_deg
-        )
+        way, turn = self._way_since_key
+        return way >= settings.keyframe_step_m or turn >= np.deg2rad(settings.keyframe_turn_deg)
 
     def _see(self, sighting: Sighting, reasons: list[str]) -> None:
         if self._filter is not None:
@@ -163,8 +169,9 @@ class Calibrator:
             self._innovation = Innovation(0, sighting.track.size, 0)
         if self._paper:
             return
-        self._batch.append(self._last_key or nothing(), sighting.track, sighting.beta, sighting.std)
-        self._last_key = nothing()
+        stamp_s = sighting.stamp_ns / SECOND
+        self._batch.append(stamp_s, self._since_key, sighting.track, sighting.beta, sighting.std)
+        self._has_key, self._since_key, self._way_since_key = True, None, (0.0, 0.0)
         if self._batch.keyframes >= self._next_solve:
             self._next_solve = self._batch.keyframes + max(4, min(12, self._batch.keyframes // 10))
             self._result = self._batch.solve()
@@ -189,6 +196,7 @@ class Calibrator:
             self._stored = None
         if np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
             self._filter = _seeded(result)
+            self._corrections = result.corrections
 
     def _told(self, stamp_ns: int, reasons: list[str]) -> list[Estimate | Extrinsics]:
         mount, covariance = self._mount()
@@ -214,11 +222,28 @@ class Calibrator:
             lines_new=self._innovation.new,
             lines_rejected=self._innovation.rejected,
             reasons=tuple(dict.fromkeys(reasons))[:16],
+            **self._beside(mount),
         )
         self._told_last = estimate
         if published is not None and judged.state is State.CALIBRATED and self._is_news(published):
             return [estimate, self._claim(estimate, published)]
         return [estimate]
+
+    def _beside(self, mount: Array | None) -> dict[str, Any]:
+        """What the smoother says, beside the filter's mount."""
+        result = self._result
+        if result is None or len(result.centres) < 2 or not self._is_shown(result.honest_covariance):
+            return {}
+        covariance = 0.5 * (result.honest_covariance + result.honest_covariance.T)
+        off = np.zeros(3) if mount is None else mount - result.mount
+        off[[0, 2]] = wrap(off[[0, 2]])
+        phi, rho, psi = result.mount.tolist()
+        return {
+            "smoother": Mount(phi, rho, psi, covariance),
+            "disagreement": float(np.sqrt(max(off @ np.linalg.solve(covariance, off), 0.0))),
+            "bound_std": np.sqrt(np.diag(result.covariance)),
+            "corrections": result.told,
+        }
 
     def _claim(self, estimate: Estimate, mount: Mount) -> Extrinsics:
         self._claimed = np.sqrt(np.diag(mount.covariance))

@@ -1,8 +1,9 @@
-"""Normal equations of the whole stretch: poses, mount and lines against bearings and increments.
+"""Normal equations of the whole stretch: poses, mount, corrections and lines against bearings and increments.
 
-Unknowns: poses 1..F-1 (x, y, heading in the frame of pose 0), mount (eta, cx, cy) with eta = phi + psi and c the
-camera's place on the robot, and per line the direction u from an anchor beside the way and its inverse distance w. So
-a line at infinity is as good as any other (w = 0), and the mount has no singular place (rho = 0).
+Unknowns: poses 1..F-1 (x, y, heading in the frame of pose 0); per line the direction u from an anchor beside the way
+and its inverse distance w; and what all keyframes share: mount (eta, cx, cy) with eta = phi + psi and c the camera's
+place on the robot, then the corrections (time offset, wheel ratio, base). So a line at infinity is as good as any
+other (w = 0), and the mount has no singular place (rho = 0).
 """
 
 from dataclasses import dataclass
@@ -11,181 +12,332 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration.problem import Problem
+from omnivert.calibration.increments import Increments
+from omnivert.calibration.problem import GLOBALS, Index, Problem
+from omnivert.calibration.skyline import starts
+from omnivert.compiled import compiled
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 W_STD = 3.0  # 1/m: nothing is known of a line's distance, but that it is not centimetres
+FLOOR = np.diag([2e-5**2, 2e-5**2, 5e-5**2])  # m, m, rad: keeps an increment's information finite
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknowns:
     pose: Array  # (F, 3)
-    mount: Array  # (3,) eta, cx, cy
+    shared: Array  # (6,) eta, cx, cy; time offset, wheel ratio - 1, base / configured - 1
     anchor: Array  # (L, 2) m, fixed
     u: Array  # (L,) rad
     w: Array  # (L,) 1/m
 
+    @property
+    def mount(self) -> Array:
+        """(3,) eta, cx, cy"""
+        return self.shared[:3]
+
+    @property
+    def corrections(self) -> Array:
+        """(3,) time offset, wheel ratio - 1, base / configured - 1"""
+        return self.shared[3:]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sights:
-    """Predicted sights and their slopes."""
+class Layout:
+    """Where the unknowns stand: each pose, then the lines that it is the last to see; at the end what is shared."""
 
-    error: Array  # (M,) measured - predicted bearing
-    by_pose: Array  # (M, 3)
-    by_mount: Array  # (M, 3)
-    by_line: Array  # (M, 2) u, w
+    pose: Index  # (F,) its first row; -1 for pose 0, which is fixed
+    line: Index  # (L,)
+    shared: int
+    first: Index  # (N,) column of each row's first entry
+    start: Index  # (N + 1,) where each row begins
 
-
-def sights(problem: Problem, x: Unknowns) -> Sights:
-    """Bearing errors and slopes of the predicted bearings (eq. 16 in world coordinates)."""
-    pose, line = x.pose[problem.frame], problem.line
-    eta, cx, cy = x.mount
-    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    lever = np.stack([c * cx - s * cy, s * cx + c * cy], axis=1)  # robot origin -> camera, world
-    back = x.anchor[line] - pose[:, :2] - lever  # camera -> anchor
-    u, w = x.u[line], x.w[line]
-    sight = np.stack([np.cos(u) + w * back[:, 0], np.sin(u) + w * back[:, 1]], axis=1)
-    length2 = np.maximum(sight[:, 0] ** 2 + sight[:, 1] ** 2, 1e-6)
-    across = np.stack([-sight[:, 1], sight[:, 0]], axis=1) / length2[:, None]
-    error = wrap(problem.beta - np.arctan2(sight[:, 1], sight[:, 0]) + pose[:, 2] + eta)
-    by_pose = np.stack(
-        [-w * across[:, 0], -w * across[:, 1], w * (across[:, 0] * lever[:, 1] - across[:, 1] * lever[:, 0]) - 1.0],
-        axis=1,
-    )
-    by_mount = np.stack(
-        [
-            np.full(line.size, -1.0),
-            -w * (across[:, 0] * c + across[:, 1] * s),
-            -w * (-across[:, 0] * s + across[:, 1] * c),
-        ],
-        axis=1,
-    )
-    by_line = np.stack(
-        [across[:, 1] * np.cos(u) - across[:, 0] * np.sin(u), across[:, 0] * back[:, 0] + across[:, 1] * back[:, 1]],
-        axis=1,
-    )
-    return Sights(error, by_pose, by_mount, by_line)
+    @classmethod
+    def of(cls, problem: Problem) -> "Layout":
+        frames, lines = problem.frames, problem.lines
+        earliest = np.full(lines, frames, dtype=np.int64)
+        np.minimum.at(earliest, problem.line, np.maximum(problem.frame, 1))
+        latest = np.zeros(lines, dtype=np.int64)
+        np.maximum.at(latest, problem.line, problem.frame)
+        latest = np.maximum(latest, 1)
+        behind = np.argsort(latest, kind="stable")  # lines in their order
+        before = np.searchsorted(latest[behind], np.arange(frames))  # lines that were gone before each pose
+        pose = 3 * (np.arange(frames) - 1) + 2 * before
+        pose[0] = -1
+        line = np.empty(lines, dtype=np.int64)
+        line[behind] = 3 * latest[behind] + 2 * np.arange(lines)
+        shared = 3 * (frames - 1) + 2 * lines
+        first = np.zeros(shared + GLOBALS, dtype=np.int64)
+        if frames > 1:
+            of_pose = np.maximum(pose[np.maximum(np.arange(1, frames) - 1, 1)], 0)
+            for k in range(3):
+                first[pose[1:] + k] = of_pose
+            for k in range(2):
+                first[line + k] = pose[np.minimum(earliest, frames - 1)]
+        return cls(pose, line, shared, first, starts(first))
 
 
-def step_errors(problem: Problem, pose: Array) -> tuple[Array, Array, Array]:
-    """Increments: predicted - told (F-1, 3), slopes by the pose before and after (F-1, 3, 3) each."""
-    c, s = np.cos(pose[:-1, 2]), np.sin(pose[:-1, 2])
-    d = pose[1:, :2] - pose[:-1, :2]
-    x, y = c * d[:, 0] + s * d[:, 1], -s * d[:, 0] + c * d[:, 1]
-    turn = pose[1:, 2] - pose[:-1, 2]
-    error = np.stack([x, y, turn], axis=1) - problem.step
-    before = np.zeros((c.size, 3, 3))
-    before[:, 0, 0], before[:, 0, 1], before[:, 0, 2] = -c, -s, y
-    before[:, 1, 0], before[:, 1, 1], before[:, 1, 2] = s, -c, -x
-    before[:, 2, 2] = -1.0
-    behind = np.zeros((c.size, 3, 3))
-    behind[:, 0, 0], behind[:, 0, 1] = c, s
-    behind[:, 1, 0], behind[:, 1, 1] = -s, c
-    behind[:, 2, 2] = 1.0
-    return error, before, behind
+def increment_information(covariance: Array) -> Array:
+    """(F-1, 3, 3) of covariances (F-1, 3, 3)."""
+    return np.asarray(np.linalg.inv(covariance + FLOOR), dtype=np.float64)
+
+
+@compiled
+def bearing_errors(
+    frame: Index, line: Index, beta: Array, pose: Array, mount: Array, anchor: Array, u: Array, w: Array
+) -> Array:
+    """Measured - predicted bearings (M,), the latter by eq. 16 in world coordinates; rad, [-pi, pi]."""
+    error = np.empty(beta.size)
+    eta, cx, cy = mount[0], mount[1], mount[2]
+    for m in range(beta.size):
+        f, k = frame[m], line[m]
+        c, s = np.cos(pose[f, 2]), np.sin(pose[f, 2])
+        x = np.cos(u[k]) + w[k] * (anchor[k, 0] - pose[f, 0] - c * cx + s * cy)
+        y = np.sin(u[k]) + w[k] * (anchor[k, 1] - pose[f, 1] - s * cx - c * cy)
+        off = beta[m] + pose[f, 2] + eta
+        # The angle between the sight and the measured direction, so that no turn has to be taken off.
+        a, b = np.cos(off), np.sin(off)
+        error[m] = np.arctan2(b * x - a * y, a * x + b * y)
+    return error
+
+
+@compiled
+def step_errors(pose: Array, step: Array) -> Array:
+    """Increments of the poses - those told, (F-1, 3)."""
+    error = np.empty(step.shape)
+    for k in range(step.shape[0]):
+        c, s = np.cos(pose[k, 2]), np.sin(pose[k, 2])
+        x, y = pose[k + 1, 0] - pose[k, 0], pose[k + 1, 1] - pose[k, 1]
+        error[k, 0] = c * x + s * y - step[k, 0]
+        error[k, 1] = -s * x + c * y - step[k, 1]
+        error[k, 2] = pose[k + 1, 2] - pose[k, 2] - step[k, 2]
+    return error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Normal:
-    """Reduced to poses 0..F-1 and mount; P = 3 F + 3."""
+    """Gauss-Newton's equations: matrix in its spans, right side."""
 
-    matrix: Array  # (P, P) lines eliminated
-    vector: Array  # (P,)
-    coupling: Array  # (P, L, 2)
-    line_matrix: Array  # (L, 2, 2)
-    line_vector: Array  # (L, 2)
-    line_inverse: Array  # (L, 2, 2)
+    layout: Layout
+    values: Array
+    vector: Array  # (N,)
 
 
-def normal(problem: Problem, x: Unknowns, seen: Sights, weight: Array, information: Array, damping: float) -> Normal:
-    """Gauss-Newton's equations; the step is their solution.
+def normal(
+    problem: Problem,
+    layout: Layout,
+    x: Unknowns,
+    error: Array,
+    weight: Array,
+    moved: Increments,
+    information: Array,
+    damping: float,
+) -> Normal:
+    """Gauss-Newton's equations at x; the step is their solution.
 
+    error        (M,)         of the bearings
     weight       (M,)         1/rad^2 of each bearing
+    moved                     increments at x's corrections
     information  (F-1, 3, 3)  of each increment
     damping      share by which the diagonal is raised
     """
-    frames, lines, line = problem.frames, x.u.size, problem.line
-    size = 3 * frames + 3
-    raised = 1.0 + damping
-    d00, d01, d11 = (
-        np.bincount(line, weight * seen.by_line[:, i] * seen.by_line[:, j], lines) for i, j in ((0, 0), (0, 1), (1, 1))
+    prior = problem.prior
+    values, vector = np.zeros(int(layout.start[-1])), np.zeros(layout.shared + GLOBALS)
+    _add_bearings(
+        layout.pose,
+        layout.line,
+        layout.shared,
+        layout.first,
+        layout.start,
+        problem.frame,
+        problem.line,
+        x.pose,
+        x.shared,
+        x.anchor,
+        x.u,
+        x.w,
+        error,
+        weight,
+        values,
+        vector,
     )
-    line_matrix: Array = np.empty((lines, 2, 2))
-    line_matrix[:, 0, 0] = d00 * raised + 1e-6
-    line_matrix[:, 1, 1] = d11 * raised + 1.0 / W_STD**2
-    line_matrix[:, 0, 1] = line_matrix[:, 1, 0] = d01
-    line_vector: Array = np.stack(
-        [np.bincount(line, weight * seen.by_line[:, i] * seen.error, lines) for i in (0, 1)], axis=1
+    _add_steps(
+        layout.pose,
+        layout.shared,
+        layout.first,
+        layout.start,
+        x.pose,
+        step_errors(x.pose, moved.step),
+        moved.slope,
+        information,
+        prior.free,
+        values,
+        vector,
     )
-    line_vector[:, 1] -= x.w / W_STD**2
-
-    matrix: Array = np.zeros((size, size))
-    vector = np.zeros(size)
-    coupling = np.zeros((size, lines, 2))
-    blocks = matrix[: 3 * frames, : 3 * frames].reshape(frames, 3, frames, 3)
-    every = np.arange(frames)
-    for i in range(3):
-        weighted = weight * seen.by_pose[:, i]
-        vector[i : 3 * frames : 3] = np.bincount(problem.frame, weighted * seen.error, frames)
-        for j in range(3):
-            blocks[every, i, every, j] = np.bincount(problem.frame, weighted * seen.by_pose[:, j], frames)
-            shared = np.bincount(problem.frame, weighted * seen.by_mount[:, j], frames)
-            matrix[i : 3 * frames : 3, 3 * frames + j] = shared
-            matrix[3 * frames + j, i : 3 * frames : 3] = shared
-        for j in range(2):
-            coupling[3 * problem.frame + i, line, j] = weighted * seen.by_line[:, j]
-            coupling[3 * frames + i, :, j] = np.bincount(line, weight * seen.by_mount[:, i] * seen.by_line[:, j], lines)
-    by_mount = weight[:, None] * seen.by_mount
-    matrix[3 * frames :, 3 * frames :] = by_mount.T @ seen.by_mount + problem.prior_information
-    vector[3 * frames :] = by_mount.T @ seen.error + problem.prior_information @ _mount_gap(problem.prior_mean, x.mount)
-
-    error, before, behind = step_errors(problem, x.pose)
-    heavy_before = np.einsum("nki,nkl->nil", before, information)
-    heavy_behind = np.einsum("nki,nkl->nil", behind, information)
-    first, last = every[:-1], every[1:]
-    blocks[first, :, first, :] += heavy_before @ before
-    blocks[last, :, last, :] += heavy_behind @ behind
-    cross = heavy_before @ behind
-    blocks[first, :, last, :] += cross
-    blocks[last, :, first, :] += cross.transpose(0, 2, 1)
-    flat = vector[: 3 * frames].reshape(frames, 3)
-    flat[:-1] -= np.einsum("nij,nj->ni", heavy_before, error)
-    flat[1:] -= np.einsum("nij,nj->ni", heavy_behind, error)
-    matrix[np.arange(size), np.arange(size)] *= raised
-
-    determinant = line_matrix[:, 0, 0] * line_matrix[:, 1, 1] - line_matrix[:, 0, 1] ** 2
-    inverse: Array = np.empty((lines, 2, 2))
-    inverse[:, 0, 0] = line_matrix[:, 1, 1] / determinant
-    inverse[:, 1, 1] = line_matrix[:, 0, 0] / determinant
-    inverse[:, 0, 1] = inverse[:, 1, 0] = -line_matrix[:, 0, 1] / determinant
-    # inverse = R R^T, so the lines' share of the matrix is a product with its own transpose.
-    root = np.zeros_like(inverse)
-    root[:, 0, 0] = np.sqrt(inverse[:, 0, 0])
-    root[:, 1, 0] = inverse[:, 1, 0] / root[:, 0, 0]
-    root[:, 1, 1] = np.sqrt(np.maximum(inverse[:, 1, 1] - root[:, 1, 0] ** 2, 0.0))
-    half = np.empty_like(coupling)
-    half[:, :, 0] = coupling[:, :, 0] * root[:, 0, 0] + coupling[:, :, 1] * root[:, 1, 0]
-    half[:, :, 1] = coupling[:, :, 1] * root[:, 1, 1]
-    flat_half = half.reshape(size, 2 * lines)
-    matrix -= flat_half @ flat_half.T
-    solved = np.einsum("lij,lj->li", inverse, line_vector)
-    vector -= np.einsum("pli,li->p", coupling, solved)
-    return Normal(matrix, vector, coupling, line_matrix, line_vector, inverse)
+    gap = prior_gap(problem, x)
+    _add_priors(
+        layout.line,
+        layout.shared,
+        layout.start,
+        x.w,
+        prior.information,
+        prior.information @ gap,
+        prior.free,
+        1.0 + damping,
+        values,
+        vector,
+    )
+    return Normal(layout, values, vector)
 
 
-def cost(problem: Problem, x: Unknowns, information: Array) -> float:
+def prior_gap(problem: Problem, x: Unknowns) -> Array:
+    """Prior - x of what is shared, (6,)."""
+    gap = problem.prior.mean - x.shared
+    gap[0] = wrap(float(gap[0]))
+    return gap
+
+
+def cost(problem: Problem, x: Unknowns, moved: Increments, information: Array) -> float:
     """-2 log of the priors and increments; the bearings' share depends on their loss."""
-    error, _, _ = step_errors(problem, x.pose)
-    gap = _mount_gap(problem.prior_mean, x.mount)
+    error = step_errors(x.pose, moved.step)
+    gap = prior_gap(problem, x)
     return float(
         np.einsum("ni,nij,nj->", error, information, error)
-        + gap @ problem.prior_information @ gap
+        + gap @ problem.prior.information @ gap
         + np.sum((x.w / W_STD) ** 2)
     )
 
 
-def _mount_gap(mean: Array, mount: Array) -> Array:
-    gap = mean - mount
-    gap[0] = wrap(float(gap[0]))
-    return gap
+@compiled
+def _add_bearings(
+    at_pose: Index,
+    at_line: Index,
+    at_shared: int,
+    first: Index,
+    start: Index,
+    frame: Index,
+    line: Index,
+    pose: Array,
+    shared: Array,
+    anchor: Array,
+    u: Array,
+    w: Array,
+    error: Array,
+    weight: Array,
+    values: Array,
+    vector: Array,
+) -> None:
+    row = np.empty(8, dtype=np.int64)
+    slope = np.empty(8)
+    cx, cy = shared[1], shared[2]
+    for m in range(error.size):
+        if weight[m] <= 0.0:
+            continue
+        f, k = frame[m], line[m]
+        c, s = np.cos(pose[f, 2]), np.sin(pose[f, 2])
+        lever_x, lever_y = c * cx - s * cy, s * cx + c * cy
+        back_x, back_y = anchor[k, 0] - pose[f, 0] - lever_x, anchor[k, 1] - pose[f, 1] - lever_y
+        cos_u, sin_u = np.cos(u[k]), np.sin(u[k])
+        x, y = cos_u + w[k] * back_x, sin_u + w[k] * back_y
+        square = max(x * x + y * y, 1e-6)
+        across_x, across_y = -y / square, x / square
+        slope[0], slope[1] = -w[k] * across_x, -w[k] * across_y
+        slope[2] = w[k] * (across_x * lever_y - across_y * lever_x) - 1.0
+        slope[3] = across_y * cos_u - across_x * sin_u
+        slope[4] = across_x * back_x + across_y * back_y
+        slope[5] = -1.0
+        slope[6] = -w[k] * (across_x * c + across_y * s)
+        slope[7] = -w[k] * (-across_x * s + across_y * c)
+        for i in range(3):
+            row[i] = at_pose[f] + i
+            row[5 + i] = at_shared + i
+        row[3], row[4] = at_line[k], at_line[k] + 1
+        for i in range(0 if f else 3, 8):
+            heavy = weight[m] * slope[i]
+            vector[row[i]] += heavy * error[m]
+            base = start[row[i]] - first[row[i]]
+            for j in range(0 if f else 3, i + 1):
+                values[base + row[j]] += heavy * slope[j]
+
+
+@compiled
+def _add_steps(
+    at_pose: Index,
+    at_shared: int,
+    first: Index,
+    start: Index,
+    pose: Array,
+    error: Array,
+    by_corrections: Array,
+    information: Array,
+    free: Flags,
+    values: Array,
+    vector: Array,
+) -> None:
+    row = np.empty(9, dtype=np.int64)
+    slope = np.zeros((3, 9))
+    heavy = np.empty((3, 9))
+    for n in range(error.shape[0]):
+        c, s = np.cos(pose[n, 2]), np.sin(pose[n, 2])
+        x, y = pose[n + 1, 0] - pose[n, 0], pose[n + 1, 1] - pose[n, 1]
+        slope[:] = 0.0
+        slope[0, 0], slope[0, 1], slope[0, 2] = -c, -s, -s * x + c * y
+        slope[1, 0], slope[1, 1], slope[1, 2] = s, -c, -c * x - s * y
+        slope[2, 2], slope[2, 5] = -1.0, 1.0
+        slope[0, 3], slope[0, 4], slope[1, 3], slope[1, 4] = c, s, -s, c
+        for i in range(3):
+            row[i], row[3 + i], row[6 + i] = at_pose[n] + i, at_pose[n + 1] + i, at_shared + 3 + i
+            for k in range(3):
+                slope[k, 6 + i] = -by_corrections[n, k, i] if free[3 + i] else 0.0
+        for k in range(3):
+            for i in range(9):
+                heavy[k, i] = (
+                    information[n, k, 0] * slope[0, i]
+                    + information[n, k, 1] * slope[1, i]
+                    + information[n, k, 2] * slope[2, i]
+                )
+        for i in range(0 if n else 3, 9):
+            vector[row[i]] -= heavy[0, i] * error[n, 0] + heavy[1, i] * error[n, 1] + heavy[2, i] * error[n, 2]
+            base = start[row[i]] - first[row[i]]
+            for j in range(0 if n else 3, i + 1):
+                values[base + row[j]] += (
+                    slope[0, i] * heavy[0, j] + slope[1, i] * heavy[1, j] + slope[2, i] * heavy[2, j]
+                )
+
+
+@compiled
+def _add_priors(
+    at_line: Index,
+    at_shared: int,
+    start: Index,
+    w: Array,
+    information: Array,
+    pull: Array,
+    free: Flags,
+    raised: float,
+    values: Array,
+    vector: Array,
+) -> None:
+    """Priors of lines and of what is shared; the diagonal raised by the damping; what is held, held."""
+    for k in range(at_line.size):
+        values[start[at_line[k] + 1] - 1] += 1e-6
+        values[start[at_line[k] + 2] - 1] += 1.0 / W_STD**2
+        vector[at_line[k] + 1] -= w[k] / W_STD**2
+    for i in range(6):
+        row = at_shared + i
+        if free[i]:
+            vector[row] += pull[i]
+            for j in range(i + 1):
+                if free[j]:
+                    values[start[row] + at_shared + j] += information[i, j]
+    for row in range(start.size - 1):
+        values[start[row + 1] - 1] *= raised
+    for i in range(6):
+        if not free[i]:
+            row = at_shared + i
+            values[start[row] : start[row + 1]] = 0.0
+            values[start[row + 1] - 1] = 1.0
+            vector[row] = 0.0
+            for k in range(i + 1, 6):
+                values[start[at_shared + k] + row] = 0.0

@@ -13,14 +13,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from omnivert.angles import wrap
-from omnivert.calibration.normal import Unknowns, normal, sights
-from omnivert.calibration.problem import Problem, dead_reckoned
-from omnivert.calibration.smoother import Solution
-from omnivert.odometry import arc
 
 Array = NDArray[np.float64]
 
-CAUTION = 2.0  # sigmas by which lines count as farther than they are found
 BRIDGE = 1.7  # a Brownian bridge of unit variance exceeds this in 1 of 160 cases
 
 
@@ -72,48 +67,6 @@ def pieces(wheels: Array, base: float, noise_k: float, tick_m: float) -> list[Pi
         )
         first = last
     return found
-
-
-def nominal_steps(problem: Problem, base: float, noise_k: float, tick_m: float) -> tuple[Array, list[Piece]]:
-    """Increments (F-1, 3) of the nominal way, and its pieces."""
-    found = pieces(problem.wheels_m, base, noise_k, tick_m)
-    wheels = np.empty_like(problem.wheels_m)
-    at = 0
-    for piece in found:
-        part = problem.wheels_m[at : at + piece.steps]
-        direction = np.array([piece.right_m, piece.left_m])
-        length = float(np.hypot(*direction))
-        direction = direction / length if length > 0.0 else np.zeros(2)
-        wheels[at : at + piece.steps] = (part @ direction)[:, None] * direction
-        at += piece.steps
-    return arc(wheels[:, 0], wheels[:, 1], base), found
-
-
-def nominal_information(problem: Problem, solution: Solution, step: Array) -> Array:
-    """Information (3, 3) on eta, cx, cy, had the robot driven the increments `step` among the same lines."""
-    pose = dead_reckoned(step)
-    x = solution.x
-    order = np.argsort(problem.line, kind="stable")
-    bounds = np.searchsorted(problem.line[order], np.arange(x.u.size + 1))
-    middle = problem.frame[order[np.minimum((bounds[:-1] + bounds[1:]) // 2, order.size - 1)]]
-    old, new = x.pose[middle], pose[middle]
-    turn = new[:, 2] - old[:, 2]
-    # A far line's distance is fitted to noise, and would then seem to show parallax: it counts as far as it may be.
-    w = np.maximum(x.w - CAUTION * solution.inverse_distance_std(), 0.0)
-    sight = np.stack([np.cos(x.u), np.sin(x.u)], axis=1) + w[:, None] * (x.anchor - old[:, :2])
-    c, s = np.cos(turn), np.sin(turn)
-    length = np.hypot(sight[:, 0], sight[:, 1])
-    direction = np.arctan2(s * sight[:, 0] + c * sight[:, 1], c * sight[:, 0] - s * sight[:, 1])
-    anchored = Unknowns(pose, x.mount, new[:, :2].copy(), direction, w / length)
-    n = normal(
-        problem,
-        anchored,
-        sights(problem, anchored),
-        solution.weight / problem.std**2,
-        problem.step_information(),
-        0.0,
-    )
-    return Solution(anchored, solution.weight, solution.score, n).mount_information()
 
 
 def covariance_from_information(information: Array) -> Array:

@@ -5,84 +5,66 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.odometry import after
+from omnivert.calibration.increments import Increments, Wheels, increments
+from omnivert.compiled import compiled
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
-FLOOR = np.diag([2e-5**2, 2e-5**2, 5e-5**2])  # m, m, rad: keeps an increment's information finite
+GLOBALS = 6  # eta, cx, cy; time offset, wheel ratio - 1, base / configured - 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """What is known of the unknowns that all keyframes share, before them; a held one stays at its mean."""
+
+    mean: Array  # (6,)
+    information: Array  # (6, 6)
+    free: Flags  # (6,)
+    held: Array  # (3,) the corrections where they are held
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
     """Keyframes 0..F-1, lines 0..L-1, M bearings; ordered by frame, then by line; a pair occurs at most once."""
 
-    step: Array  # (F-1, 3) m, m, rad: motion from keyframe to keyframe, in the earlier one's frame
-    step_covariance: Array  # (F-1, 3, 3)
-    wheels_m: Array  # (F-1, 2) right, left
+    stamp_s: Array  # (F,)
+    broken: Flags  # (F-1,) the way to the next keyframe is unknown
+    wheels: Wheels
     frame: Index  # (M,)
     line: Index  # (M,)
     beta: Array  # (M,) rad
     std: Array  # (M,) rad
-    prior_mean: Array  # (3,) eta, cx, cy
-    prior_information: Array  # (3, 3)
+    prior: Prior
 
     @property
     def frames(self) -> int:
-        return int(self.step.shape[0]) + 1
+        return int(self.stamp_s.size)
 
     @property
     def lines(self) -> int:
         return int(self.line.max()) + 1 if self.line.size else 0
 
-    def step_information(self) -> Array:
-        """(F-1, 3, 3)"""
-        return np.asarray(np.linalg.inv(self.step_covariance + FLOOR), dtype=np.float64)
+    @property
+    def held(self) -> Array:
+        """Corrections (3,) to begin with."""
+        return self.prior.held
+
+    def increments(self, corrections: Array) -> Increments:
+        return increments(self.wheels, self.stamp_s, self.broken, corrections)
 
 
+@compiled
 def dead_reckoned(step: Array) -> Array:
     """Poses (F, 3) from increments (F-1, 3), the first at the origin."""
     pose = np.zeros((step.shape[0] + 1, 3))
     for i in range(step.shape[0]):
-        pose[i + 1] = after(pose[i], step[i])
+        c, s = np.cos(pose[i, 2]), np.sin(pose[i, 2])
+        pose[i + 1, 0] = pose[i, 0] + c * step[i, 0] - s * step[i, 1]
+        pose[i + 1, 1] = pose[i, 1] + s * step[i, 0] + c * step[i, 1]
+        pose[i + 1, 2] = pose[i, 2] + step[i, 2]
     return pose
-
-
-def thinned(problem: Problem, most: int) -> tuple[Problem, Index]:
-    """At most `most` of the keyframes, evenly; increments between them joined. Also the keyframes that stay, (F',)."""
-    keep = np.unique(np.linspace(0, problem.frames - 1, min(most, problem.frames)).round().astype(np.int64))
-    if keep.size == problem.frames:
-        return problem, keep
-    step = np.zeros((keep.size - 1, 3))
-    covariance = np.zeros((keep.size - 1, 3, 3))
-    wheels = np.zeros((keep.size - 1, 2))
-    for n, (first, last) in enumerate(zip(keep[:-1].tolist(), keep[1:].tolist(), strict=True)):
-        for i in range(first, last):
-            c, s = np.cos(step[n, 2]), np.sin(step[n, 2])
-            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            moved = turn @ problem.step[i]
-            carried = np.eye(3)
-            carried[:2, 2] = -moved[1], moved[0]
-            covariance[n] = carried @ covariance[n] @ carried.T + turn @ problem.step_covariance[i] @ turn.T
-            step[n] += moved
-        wheels[n] = problem.wheels_m[first:last].sum(axis=0)
-    place = np.full(problem.frames, -1, dtype=np.int64)
-    place[keep] = np.arange(keep.size)
-    stays = place[problem.frame] >= 0
-    return (
-        Problem(
-            step,
-            covariance,
-            wheels,
-            place[problem.frame[stays]],
-            problem.line[stays],
-            problem.beta[stays],
-            problem.std[stays],
-            problem.prior_mean,
-            problem.prior_information,
-        ),
-        keep,
-    )
 
 
 def with_lines(problem: Problem, lines: Index) -> Problem:
@@ -100,20 +82,18 @@ def with_lines(problem: Problem, lines: Index) -> Problem:
 
 
 def with_frames(problem: Problem, first: int, last: int) -> tuple[Problem, Index]:
-    """Keyframes first..last-1 alone, without prior; and the lines that it still holds, (L',)."""
+    """Keyframes first..last-1 alone; and the lines that it still holds, those seen three times or more, (L',)."""
     stays = (problem.frame >= first) & (problem.frame < last)
     count = np.bincount(problem.line[stays], minlength=problem.lines)
     lines = np.flatnonzero(count >= 3)
     part = replace(
         problem,
-        step=problem.step[first : last - 1],
-        step_covariance=problem.step_covariance[first : last - 1],
-        wheels_m=problem.wheels_m[first : last - 1],
+        stamp_s=problem.stamp_s[first:last],
+        broken=problem.broken[first : last - 1],
         frame=problem.frame[stays] - first,
         line=problem.line[stays],
         beta=problem.beta[stays],
         std=problem.std[stays],
-        prior_information=np.zeros((3, 3)),
     )
     part_lines = part.lines
     return with_lines(part, lines[lines < part_lines]), lines

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnivert.calibration.increments import Wheels
 from omnivert.calibration.normal import Unknowns
-from omnivert.calibration.problem import Problem
+from omnivert.calibration.problem import Prior, Problem, dead_reckoned
 from omnivert.calibration.smoother import Solution
 from omnivert.calibration.triangulation import anchors, triangulated
-from omnivert.odometry import Motion, after
+from omnivert.config import Config
+from omnivert.odometry import Samples
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -19,7 +21,8 @@ RUN = 5  # rejected sights in a row that are taken for another line
 
 @dataclass(slots=True, eq=False)
 class Keyframe:
-    motion: Motion  # since the one before; of the first: unused
+    stamp_s: float
+    wheels: Samples | None  # since the one before; None: the way is unknown
     line: Index  # (N,) names of lines: the track's number, or a negative one where a track changed its line
     track: Index  # (N,)
     beta: Array  # (N,) rad
@@ -31,107 +34,122 @@ class Posed:
     """A stretch's problem with its names."""
 
     problem: Problem
-    names: tuple[int, ...]  # of lines, ascending
+    names: Index  # of lines, ascending
 
 
 class Stretch:
     """Keyframes with their sights; knows the last solution, to start the next one from."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: Config) -> None:
         self.keyframes: list[Keyframe] = []
+        self._config = config
         self._pose = np.zeros((0, 3))
         self._line: dict[int, tuple[Array, float, float]] = {}  # name -> anchor, u, w of the last solution
         self._renamed: dict[int, int] = {}  # track -> the line that it shows now
         self._names = 0
         self._left_behind: set[int] = set()  # tracks from before the last break that have not come again
 
-    def cut_chain(self) -> None:
-        """The way to the next keyframe is unknown: every line is another one from there on, the mount is the same.
+    def append(self, stamp_s: float, wheels: Samples | None, track: Index, beta: Array, std: Array) -> None:
+        """One more keyframe, and the wheels since the one before.
 
-        With no line in common, where the way goes on is a mere choice of coordinates: it goes on where it broke off.
+        Where their way is unknown, every line is another one from there on, the mount is the same: with no line in
+        common, where the way goes on is a mere choice of coordinates, and it goes on where it broke off.
         """
-        self._left_behind.update(t for k in self.keyframes for t in k.track.tolist())
-
-    def append(self, motion: Motion, track: Index, beta: Array, std: Array) -> None:
+        if wheels is None and self.keyframes:
+            self._left_behind.update(t for k in self.keyframes for t in k.track.tolist())
         order = np.argsort(track, kind="stable")
         track = track[order]
         for again in self._left_behind.intersection(track.tolist()):
             self._left_behind.remove(again)
             self._renamed[again] = self._new_name()
         line = np.array([self._renamed.get(t, t) for t in track.tolist()], dtype=np.int64)
-        self.keyframes.append(Keyframe(motion, line, track, beta[order], std[order]))
+        self.keyframes.append(Keyframe(stamp_s, wheels, line, track, beta[order], std[order]))
 
-    def posed(self, prior_mean: Array, prior_information: Array, most_lines: int, fewest_sights: int) -> Posed:
+    def posed(self, prior: Prior, most_lines: int, fewest_sights: int) -> Posed:
         """The problem of all keyframes, with the lines that are seen often enough."""
-        count: dict[int, int] = {}
-        for k in self.keyframes:
-            for name in k.line.tolist():
-                count[name] = count.get(name, 0) + 1
-        often = sorted((-n, name) for name, n in count.items() if n >= fewest_sights)[:most_lines]
-        names = tuple(sorted(name for _, name in often))
-        number = {name: i for i, name in enumerate(names)}
-        frame, line, beta, std = [], [], [], []
-        for f, k in enumerate(self.keyframes):
-            for name, b, s in zip(k.line.tolist(), k.beta.tolist(), k.std.tolist(), strict=True):
-                if name in number:
-                    frame.append(f)
-                    line.append(number[name])
-                    beta.append(b)
-                    std.append(s)
-        motions = [k.motion for k in self.keyframes[1:]]
+        frames = self.keyframes
+        name = np.concatenate([k.line for k in frames])
+        frame = np.repeat(np.arange(len(frames)), [k.line.size for k in frames])
+        names, number, count = np.unique(name, return_inverse=True, return_counts=True)
+        often = np.flatnonzero(count >= fewest_sights)
+        if often.size > most_lines:
+            often = np.sort(often[np.argsort(-count[often], kind="stable")[:most_lines]])
+        place = np.full(names.size, -1, dtype=np.int64)
+        place[often] = np.arange(often.size)
+        line = place[number]
+        stays = line >= 0
         problem = Problem(
-            np.array([m.pose for m in motions]).reshape(-1, 3),
-            np.array([m.covariance for m in motions]).reshape(-1, 3, 3),
-            np.array([m.wheels_m for m in motions]).reshape(-1, 2),
-            np.array(frame, dtype=np.int64),
-            np.array(line, dtype=np.int64),
-            np.array(beta),
-            np.array(std),
-            prior_mean,
-            prior_information,
+            np.array([k.stamp_s for k in frames]),
+            np.array([k.wheels is None for k in frames[1:]], dtype=np.bool_),
+            self._wheels(),
+            frame[stays],
+            line[stays],
+            np.concatenate([k.beta for k in frames])[stays],
+            np.concatenate([k.std for k in frames])[stays],
+            prior,
         )
-        return Posed(problem, names)
+        return Posed(problem, names[often])
 
-    def guess(self, posed: Posed, mount: Array) -> Unknowns:
+    def guess(self, posed: Posed, shared: Array) -> Unknowns:
         """The last solution, led on to the newest keyframe; lines that it did not hold are triangulated."""
         problem = posed.problem
-        pose = np.zeros((problem.frames, 3))
+        pose = dead_reckoned(problem.increments(shared[3:]).step)
         known = min(self._pose.shape[0], problem.frames)
-        pose[:known] = self._pose[:known]
-        for i in range(max(known, 1), problem.frames):
-            pose[i] = after(pose[i - 1], problem.step[i - 1])
+        if known:
+            pose = _led_on(self._pose[:known], pose)
         anchor = anchors(problem, pose)
-        u, w = np.zeros(len(posed.names)), np.zeros(len(posed.names))
+        u, w = np.zeros(posed.names.size), np.zeros(posed.names.size)
         missing = []
-        for i, name in enumerate(posed.names):
+        for i, name in enumerate(posed.names.tolist()):
             if name in self._line:
                 anchor[i], u[i], w[i] = self._line[name]
             else:
                 missing.append(i)
         std = np.maximum(problem.std, 0.01)
-        u, w = triangulated(problem, pose, mount, std, anchor, u, w, np.array(missing, dtype=np.int64))
-        return Unknowns(pose, mount.copy(), anchor, u, w)
+        u, w = triangulated(problem, pose, shared[:3], std, anchor, u, w, np.array(missing, dtype=np.int64))
+        return Unknowns(pose, shared.copy(), anchor, u, w)
 
     def remember(self, posed: Posed, solution: Solution) -> None:
         """Start from this next time; and tracks that have changed their line get a new one from there on."""
         x = solution.x
         self._pose = x.pose.copy()
-        self._line = {name: (x.anchor[i].copy(), float(x.u[i]), float(x.w[i])) for i, name in enumerate(posed.names)}
-        for i, name in enumerate(posed.names):
+        names = posed.names.tolist()
+        self._line = {name: (x.anchor[i].copy(), float(x.u[i]), float(x.w[i])) for i, name in enumerate(names)}
+        lost = solution.weight < 0.1
+        for i in np.flatnonzero(np.bincount(posed.problem.line, lost, len(names)) >= RUN).tolist():
             own = np.flatnonzero(posed.problem.line == i)
-            run = _longest_run(solution.weight[own] < 0.1)
+            run = _longest_run(lost[own])
             if run is not None:
-                self._rename(name, posed.problem.frame[own[run[0]]], posed.problem.frame[own[run[1] - 1]])
+                self._rename(names[i], posed.problem.frame[own[run[0]]], posed.problem.frame[own[run[1] - 1]])
 
     def drop_first(self, count: int) -> None:
         """Forget keyframes that were solved, not all; the next one becomes the first. Poses stay relative to it."""
         del self.keyframes[:count]
         known = self._pose[count:]
+        if not known.size:
+            self._pose, self._line = np.zeros((0, 3)), {}
+            return
         x, y, turn = known[0]
         c, s = np.cos(turn), np.sin(turn)
         back = np.array([[c, s], [-s, c]])
         self._pose = np.column_stack([(known[:, :2] - [x, y]) @ back.T, known[:, 2] - turn])
         self._line = {n: (back @ (a - [x, y]), u - turn, w) for n, (a, u, w) in self._line.items()}
+
+    def _wheels(self) -> Wheels:
+        """What the encoders told since the first keyframe, without a jump where the way is unknown."""
+        encoder = self._config.encoder
+        parts = [k.wheels for k in self.keyframes[1:] if k.wheels is not None]
+        if not parts:
+            stamp = self.keyframes[0].stamp_s
+            parts = [Samples(np.array([stamp, stamp + 1.0]), np.zeros(2), np.zeros(2))]
+        time = np.concatenate([parts[0].time_s[:1], *(p.time_s[1:] for p in parts)])
+        ways = []
+        for side in ("right_m", "left_m"):
+            steps = [np.diff(getattr(p, side)) for p in parts]
+            ways.append(np.concatenate([[0.0], np.cumsum(np.concatenate(steps))]))
+        return Wheels(
+            time, ways[0], ways[1], self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick
+        )
 
     def _new_name(self) -> int:
         self._names -= 1
@@ -150,6 +168,15 @@ class Stretch:
         if newest == last:  # the track goes on with the other line
             track = int(self.keyframes[newest].track[self.keyframes[newest].line == fresh][0])
             self._renamed[track] = fresh
+
+
+def _led_on(known: Array, reckoned: Array) -> Array:
+    """Known poses (K, 3), and behind the last of them the dead-reckoned way (F, 3) goes on."""
+    turn = known[-1, 2] - reckoned[known.shape[0] - 1, 2]
+    c, s = np.cos(turn), np.sin(turn)
+    rest = reckoned[known.shape[0] :, :2] - reckoned[known.shape[0] - 1, :2]
+    tail = np.column_stack([rest @ np.array([[c, s], [-s, c]]) + known[-1, :2], reckoned[known.shape[0] :, 2] + turn])
+    return np.concatenate([known, tail])
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int] | None:

@@ -228,12 +228,12 @@ class Calibration(Section):
     keyframe_step_m: float = Field(0.03, gt=0.0, le=10.0)
     """Bearings count again after this way, or after `keyframe_turn_deg`: a robot that stands learns nothing new."""
     keyframe_turn_deg: float = Field(2.0, gt=0.0, le=90.0)
-    window_keyframes: int = Field(240, ge=40, le=5000)
+    window_keyframes: int = Field(600, ge=40, le=5000)
     """Keyframes that are solved together; then the older half becomes a prior of the rest."""
     window_lines: int = Field(200, ge=10, le=5000)
     """Lines of a window, those seen most often."""
-    start_keyframes: int = Field(64, ge=20, le=5000)
-    """Keyframes used for the first, rough part of the global start."""
+    start_etas: int = Field(4, ge=1, le=60)
+    """Directions of the camera, phi + psi, that the global start follows up."""
     start_lines: int = Field(60, ge=5, le=5000)
     """Lines used for it, those seen most often."""
     max_disagreement: float = Field(25.0, gt=0.0, le=1e6)
@@ -242,6 +242,18 @@ class Calibration(Section):
     """A solution is clear when any different one is worse by this in -2 log likelihood."""
     clear_inliers: float = Field(0.9, gt=0.0, le=1.0)
     """A solution is clear when this share of the bearings agrees with it."""
+    time_offset: Literal["auto", "free", "held"] = "auto"
+    """How late the camera's stamps are against the wheels': freed when the drive shows it, always, or never."""
+    wheel_ratio: Literal["auto", "free", "held"] = "auto"
+    """Right wheel's diameter : left wheel's, against what is configured (1)."""
+    wheel_base: Literal["auto", "free", "held"] = "auto"
+    """Wheel base, in the unit of the wheels' way: bearings alone do not show the common scale of both wheels."""
+    free_time_s: float = Field(0.010, gt=0.0, le=1.0)
+    """The time offset is freed when its sigma is below this, or when it is 4 sigma from nothing."""
+    free_ratio: float = Field(0.005, gt=0.0, le=1.0)
+    """The same of the wheel ratio."""
+    free_base: float = Field(0.005, gt=0.0, le=1.0)
+    """The same of the base, as a share of the configured one."""
     resume: bool = True
     """Take up the stored extrinsics at the start, when robot, camera and configuration match."""
 
