@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.config import Encoder
+from omnivert.increments import Wheels, increments
 from omnivert.messages import Ticks
 
 Array = NDArray[np.float64]
 SECOND = 1_000_000_000
+_WHOLE = np.array([False])  # one increment, not broken
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,41 +67,6 @@ def arc(right: Array, left: Array, base: float) -> Array:
     return np.stack([way * np.cos(0.5 * turn), way * np.sin(0.5 * turn), turn], axis=-1)
 
 
-def motion_from_wheels(right: Array, left: Array, base: float, noise_k: float, tick_m: float = 0.0) -> Motion:
-    """Arcs one after the other (eq. 14), each wheel with a variance of K per metre (eq. 31).
-
-    right, left  (N,)  m  wheel displacements between consecutive encoder samples
-    base               m
-    noise_k            m  K
-    tick_m             m  one count; the ends of the motion are rounded to it
-    """
-    steps = arc(right, left, base)
-    heading = np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-    before, end = heading[:-1], heading[-1]
-    along = before + 0.5 * steps[:, 2]
-    chord = np.hypot(steps[:, 0], steps[:, 1]) * np.where(right + left < 0.0, -1.0, 1.0)
-    x = np.concatenate([[0.0], np.cumsum(chord * np.cos(along))])
-    y = np.concatenate([[0.0], np.cumsum(chord * np.sin(along))])
-    # The end's slope by each wheel step: it lengthens its own chord, and turns all that follows about its own end.
-    slopes = np.empty((2, right.size, 3))
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        slopes[side, :, 0] = 0.5 * np.cos(along) - sign / base * (y[-1] - 0.5 * (y[:-1] + y[1:]))
-        slopes[side, :, 1] = 0.5 * np.sin(along) + sign / base * (x[-1] - 0.5 * (x[:-1] + x[1:]))
-        slopes[side, :, 2] = sign / base
-    variance = noise_k * np.abs(np.stack([right, left]))
-    covariance = np.einsum("sni,sn,snj->ij", slopes, variance, slopes)
-    if tick_m > 0.0 and right.size:
-        mean = slopes.mean(axis=1)
-        covariance = covariance + tick_m**2 / 6.0 * mean.T @ mean  # both ends, each uniform over a count
-    return Motion(
-        np.array([x[-1], y[-1], end]),
-        0.5 * (covariance + covariance.T),
-        np.array([right.sum(), left.sum()]),
-        float(np.abs(chord).sum()),
-        float(np.abs(steps[:, 2]).sum()),
-    )
-
-
 def after(pose: Array, step: Array) -> Array:
     """The pose reached from `pose` by `step`, which is seen from `pose`; (..., 3) each."""
     c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
@@ -110,22 +77,6 @@ def after(pose: Array, step: Array) -> Array:
             pose[..., 2] + step[..., 2],
         ],
         axis=-1,
-    )
-
-
-def joined(first: Motion, second: Motion) -> Motion:
-    """Two motions, one after the other, as one."""
-    c, s = np.cos(first.pose[2]), np.sin(first.pose[2])
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    carried = np.eye(3)
-    carried[:2, 2] = -s * second.pose[0] - c * second.pose[1], c * second.pose[0] - s * second.pose[1]
-    covariance = carried @ first.covariance @ carried.T + turn @ second.covariance @ turn.T
-    return Motion(
-        after(first.pose, second.pose),
-        0.5 * (covariance + covariance.T),
-        first.wheels_m + second.wheels_m,
-        first.driven_m + second.driven_m,
-        first.turned_rad + second.turned_rad,
     )
 
 
@@ -198,13 +149,19 @@ class Odometer:
 
     def motion(self, samples: Samples, wheel_ratio: float = 1.0, base: float = 1.0) -> Motion:
         """The motion that these samples tell, with the true ratio of the wheels and the true base / configured."""
-        share = 0.5 * (wheel_ratio - 1.0)
-        return motion_from_wheels(
-            np.diff(samples.right_m) * (1.0 + share),
-            np.diff(samples.left_m) * (1.0 - share),
-            self._base * base,
-            self._encoder.noise_k_m,
-            self._encoder.metres_per_tick,
+        encoder = self._encoder
+        wheels = Wheels(
+            samples.time_s, samples.right_m, samples.left_m, self._base, encoder.noise_k_m, encoder.metres_per_tick
+        )
+        ends = samples.time_s[[0, -1]]
+        moved = increments(wheels, ends, _WHOLE, np.array([0.0, wheel_ratio - 1.0, base - 1.0]))
+        right, left = np.diff(samples.right_m), np.diff(samples.left_m)
+        return Motion(
+            moved.step[0],
+            moved.covariance[0],
+            moved.wheels_m[0],
+            float(np.abs(right + left).sum()) / 2.0,
+            float(np.abs(right - left).sum()) / self._base,
         )
 
     def forget_before(self, stamp_ns: int) -> None:

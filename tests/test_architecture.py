@@ -13,7 +13,8 @@ HOUSE = (
     ("omnivert", "omnivert.angles", "omnivert.errors", "omnivert.threads", "omnivert.compiled"),
     ("omnivert.messages",),
     ("omnivert.config",),
-    ("omnivert.timeline", "omnivert.odometry"),
+    ("omnivert.timeline", "omnivert.increments"),
+    ("omnivert.odometry",),
     ("omnivert.vision", "omnivert.calibration", "omnivert.drivers", "omnivert.simulation"),  # side by side
     ("omnivert.wire",),
     ("omnivert.store",),
@@ -116,7 +117,7 @@ KERNELS = [
     path
     for path in SOURCES
     if module_name(path).startswith(
-        ("omnivert.vision", "omnivert.calibration", "omnivert.timeline", "omnivert.odometry")
+        ("omnivert.vision", "omnivert.calibration", "omnivert.timeline", "omnivert.increments", "omnivert.odometry")
     )
 ]
 

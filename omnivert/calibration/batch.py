@@ -84,6 +84,11 @@ class Batch:
         self._centres = None
         self.keyframes += 1
 
+    @property
+    def size(self) -> int:
+        """Keyframes that are solved together now."""
+        return len(self._stretch.keyframes)
+
     def solve(self) -> Result | None:
         """The best mount for all keyframes; None while there is no single clear one."""
         posed = self._posed()

@@ -173,9 +173,12 @@ class Calibrator:
         self._batch.append(stamp_s, self._since_key, sighting.track, sighting.beta, sighting.std)
         self._has_key, self._since_key, self._way_since_key = True, None, (0.0, 0.0)
         if self._batch.keyframes >= self._next_solve:
-            self._next_solve = self._batch.keyframes + max(4, min(12, self._batch.keyframes // 10))
-            self._result = self._batch.solve()
-            self._reseed(reasons)
+            self._solve(reasons)
+
+    def _solve(self, reasons: list[str]) -> None:
+        self._next_solve = self._batch.keyframes + max(4, self._batch.size // 50)
+        self._result = self._batch.solve()
+        self._reseed(reasons)
 
     def _reseed(self, reasons: list[str]) -> None:
         """The filter goes on from the batch's joint, each time there is one: it only bridges what comes between."""

@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration.increments import Increments
 from omnivert.calibration.normal import Layout, Unknowns, bearing_errors, increment_information, normal
 from omnivert.calibration.observability import Piece, pieces
 from omnivert.calibration.problem import GLOBALS, Problem, dead_reckoned
 from omnivert.calibration.smoother import Solution
 from omnivert.calibration.triangulation import sights_by_line
+from omnivert.increments import Increments
 from omnivert.odometry import arc
 
 Array = NDArray[np.float64]

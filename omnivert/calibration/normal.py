@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration.increments import Increments
 from omnivert.calibration.problem import GLOBALS, Index, Problem
 from omnivert.calibration.skyline import starts
 from omnivert.compiled import compiled
+from omnivert.increments import Increments
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

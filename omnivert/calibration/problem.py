@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration.increments import Increments, Wheels, increments
 from omnivert.compiled import compiled
+from omnivert.increments import Increments, Wheels, increments
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

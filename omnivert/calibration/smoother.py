@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from omnivert.angles import TURN, wrap
 from omnivert.calibration import skyline
-from omnivert.calibration.increments import Increments
 from omnivert.calibration.normal import (
     Layout,
     Normal,
@@ -21,6 +20,7 @@ from omnivert.calibration.normal import (
 from omnivert.calibration.problem import GLOBALS, Index, Problem
 from omnivert.calibration.triangulation import triangulated
 from omnivert.compiled import compiled
+from omnivert.increments import Increments
 
 Array = NDArray[np.float64]
 
@@ -147,9 +147,7 @@ class Search:
                 break
         return Solution(at.x, at.weight, at.score, self._normal(at, std, 0.0))
 
-    def annealed(
-        self, x: Unknowns, stages: tuple[float, ...], iterations: int, last: float | None = None
-    ) -> Solution:
+    def annealed(self, x: Unknowns, stages: tuple[float, ...], iterations: int, last: float | None = None) -> Solution:
         """From a rough x: large bearing sigmas first, lost lines placed anew at each stage.
 
         last  sigma to end with, where it is not yet to be the true one

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration.increments import Increments
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.problem import Index, Problem, dead_reckoned, with_lines
 from omnivert.calibration.smoother import Search, Solution
 from omnivert.calibration.triangulation import anchors, triangulated
 from omnivert.compiled import compiled
+from omnivert.increments import Increments
 
 Array = NDArray[np.float64]
 

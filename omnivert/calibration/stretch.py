@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration.increments import Wheels
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.problem import Prior, Problem, dead_reckoned
 from omnivert.calibration.smoother import Solution
 from omnivert.calibration.triangulation import anchors, triangulated
 from omnivert.config import Config
+from omnivert.increments import Wheels
 from omnivert.odometry import Samples
 
 Array = NDArray[np.float64]

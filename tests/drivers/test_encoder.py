@@ -141,9 +141,9 @@ def test_nobody_takes_the_way_across_a_restart_for_known() -> None:
         for ticks in line.step(line_from_sample(sample), (1000 + 20 * k) * MS):
             odometer.push(ticks)
             stamps.append(ticks.stamp_ns)
-    assert odometer.motion(stamps[0], stamps[-1]) is None
-    assert odometer.motion(stamps[0], stamps[15]) is not None
-    assert odometer.motion(stamps[-5], stamps[-1]) is not None
+    assert odometer.samples(stamps[0], stamps[-1]) is None
+    assert odometer.samples(stamps[0], stamps[15]) is not None
+    assert odometer.samples(stamps[-5], stamps[-1]) is not None
 
 
 def test_a_backlog_after_a_stall_is_not_taken_for_a_restart() -> None:

@@ -125,7 +125,8 @@ def _increments(
             dr, dl = (r_next - at_r) * scale_r, (l_next - at_l) * scale_l
             way, turn = 0.5 * (dr + dl), (dr - dl) / e
             c, s = np.cos(h + 0.5 * turn), np.sin(h + 0.5 * turn)
-            chord = way * (1.0 - turn * turn / 24.0)
+            half = 0.5 * turn
+            chord = way * (np.sin(half) / half if abs(half) > 1e-8 else 1.0)
             dx, dy = chord * c, chord * s
             # d end / d (right, left): along the chord, and by the turn.
             for side in range(2):
