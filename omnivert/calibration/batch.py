@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration import corrections, model
+from omnivert.calibration import corrections, model, wiring
 from omnivert.calibration.nominal import nominal_information
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.observability import (
@@ -77,6 +77,7 @@ class Batch:
         self._searched_kinds = 0  # different centres of rotation in it
         self.keyframes = 0  # since the beginning
         self.inlier_share = 1.0  # of the last solution, clear or not
+        self.wrong = ""  # what is wired wrongly, as far as the drive tells
 
     def append(self, stamp_s: float, wheels: Samples | None, track: Index, beta: Array, std: Array) -> None:
         """One more keyframe, and the wheels since the one before; None where their way is unknown."""
@@ -144,7 +145,17 @@ class Batch:
                 if found is None or start.solution.score < found.score - 3.0:
                     found = start.solution
                 self._gap = start.gap
+            self.wrong = self._suspicion(problem, found)
         return found
+
+    def _suspicion(self, problem: Problem, found: Solution | None) -> str:
+        settings = self._config.calibration
+        unclear = found is not None and found.inlier_share < settings.clear_inliers
+        if found is None or not unclear or problem.frames < 30 or len(self.centres()) < 2:
+            return ""
+        return wiring.suspicion(
+            problem, found, settings.max_rho_m, settings.clear_inliers, settings.start_etas, settings.start_lines
+        )
 
     def _freed(self, search: Search, solution: Solution) -> tuple[Search, Solution]:
         """The solution with those corrections freed that the drive shows."""

@@ -243,7 +243,7 @@ class Calibrator:
         phi, rho, psi = result.mount.tolist()
         return {
             "smoother": Mount(phi, rho, psi, covariance),
-            "disagreement": float(np.sqrt(max(off @ np.linalg.solve(covariance, off), 0.0))),
+            "disagreement": float(np.sqrt(np.maximum(off @ np.linalg.solve(covariance, off), 0.0))),
             "bound_std": np.sqrt(np.diag(result.covariance)),
             "corrections": result.told,
         }
@@ -301,13 +301,15 @@ class Calibrator:
     def _contradiction(self) -> str:
         """Said when even the best mount leaves many bearings unexplained, though the drive would show a good one."""
         settings = self._config.calibration
+        if self._batch.wrong:
+            return f"because the drive only makes sense if {self._batch.wrong}"
         enough = self._batch.keyframes >= 40 and len(self._batch.centres()) >= 2
         if self._result is not None or not enough or self._batch.inlier_share >= settings.invalid_inliers:
             return ""
         share = 100.0 * self._batch.inlier_share
         return (
             f"because no mount explains more than {share:.0f} % of the bearings: "
-            "check bearing_sign, the wheels' sides and signs, and the wheel base"
+            "check the wheel base, the wheels' diameter, the clocks of camera and encoders, and what else moves"
         )
 
     def _is_news(self, mount: Mount) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.angles import wrap
+from omnivert.angles import TURN, wrap
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.problem import Index, Problem, dead_reckoned, with_lines
 from omnivert.calibration.smoother import Search, Solution
@@ -88,7 +88,7 @@ def unknowns(problem: Problem, pose: Array, shared: Array) -> Unknowns:
 
 def candidates(problem: Problem, pose: Array, max_rho: float, count: int) -> list[Array]:
     """The best mounts (eta, cx, cy) of the scan over eta, best first."""
-    half = np.arange(ETAS // 2) * (2.0 * np.pi / ETAS)
+    half: Array = np.arange(ETAS // 2) * (TURN / ETAS)
     # The equation does not tell a sight from its opposite: eta and eta + pi share a solution, the score decides.
     eta = wrap(np.concatenate([half, half + np.pi]))
     place, toward, away = _scan(

@@ -198,14 +198,43 @@ def test_the_filter_as_printed_stays_available(paper_drive: Drive) -> None:
     assert len(estimates) == sum(isinstance(m, Bearings) for m in paper_drive.messages)
 
 
-def test_bearings_of_the_wrong_sense_are_called_a_contradiction(paper_drive: Drive) -> None:
-    mirrored = tuple(
-        replace(m, bearing_rad=wrap(-m.bearing_rad)) if isinstance(m, Bearings) else m for m in paper_drive.messages
-    )
-    estimates, claims, _ = told(mirrored)
+def wired(drive: Drive, wrong: str) -> tuple[Ticks | Bearings, ...]:
+    """The messages of a robot that is put together wrongly."""
+
+    def told_wrongly(m: Ticks | Bearings) -> Ticks | Bearings:
+        if isinstance(m, Bearings):
+            return replace(m, bearing_rad=wrap(-m.bearing_rad)) if wrong == "mirrored" else m
+        left = -m.left if wrong in ("left", "both") else m.left
+        right = -m.right if wrong in ("right", "both") else m.right
+        return replace(m, left=right, right=left) if wrong == "swapped" else replace(m, left=left, right=right)
+
+    return tuple(told_wrongly(m) for m in drive.messages)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ("mirrored", "bearing_sign is wrong, or the wheels' sides are swapped"),
+        ("swapped", "bearing_sign is wrong, or the wheels' sides are swapped"),
+        ("right", "encoder.right_sign is wrong"),
+        ("left", "encoder.left_sign is wrong"),
+    ],
+)
+@pytest.mark.parametrize("path", ["paper", "alternate"])
+def test_a_wrong_wiring_is_named_not_fitted(path: str, wrong: str, named: str) -> None:
+    estimates, claims, _ = told(wired(recorded(Scene(path=path), Config(), 17), wrong))  # type: ignore[arg-type]
     assert not claims
     assert estimates[-1].state is State.INVALID
-    assert "bearing_sign" in estimates[-1].phi.reason
+    assert named in estimates[-1].phi.reason
+
+
+def test_both_signs_reversed_is_a_robot_that_calls_its_back_its_front() -> None:
+    drive = recorded(Scene(path="alternate"), Config(), 17)
+    messages = tuple(replace(m, left=-m.right, right=-m.left) if isinstance(m, Ticks) else m for m in drive.messages)
+    estimates, _, _ = told(messages)
+    mount = estimates[-1].mount
+    assert mount is not None
+    assert abs(wrap(mount.phi_rad - drive.mount[0] - np.pi)) < 0.1
 
 
 def test_frames_before_the_first_count_and_after_the_last_are_told_without_it() -> None:
