@@ -134,7 +134,7 @@ class Batch:
             x = self._stretch.guess(posed, self._shared)
             found = search.polished(search.solved(x, problem.std, 12, 0.01), 2)
         kinds = len(self.centres())
-        doubtful = found is None or self._gap < settings.clear_gap or found.inlier_share < settings.clear_inliers
+        doubtful = found is None or self._gap < settings.clear_gap or not self._explains(found)
         growth = problem.frames / max(self._searched, 1)
         due = growth >= (1.5 if kinds < 2 else 1.15 if doubtful else 1.35)  # one kind of motion has no clear solution
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
@@ -148,10 +148,15 @@ class Batch:
             self.wrong = self._suspicion(problem, found)
         return found
 
+    def _explains(self, solution: Solution) -> bool:
+        """Whether enough of the bearings agree; of a few bearings, a few more than usual may be wrong by chance."""
+        share = self._config.calibration.clear_inliers
+        chance = np.sqrt(share * (1.0 - share) / max(solution.weight.size, 1))
+        return bool(solution.inlier_share >= share - 2.0 * chance)
+
     def _suspicion(self, problem: Problem, found: Solution | None) -> str:
         settings = self._config.calibration
-        unclear = found is not None and found.inlier_share < settings.clear_inliers
-        if found is None or not unclear or problem.frames < 30 or len(self.centres()) < 2:
+        if found is None or self._explains(found) or problem.frames < 30 or len(self.centres()) < 2:
             return ""
         return wiring.suspicion(
             problem, found, settings.max_rho_m, settings.clear_inliers, settings.start_etas, settings.start_lines
@@ -176,8 +181,7 @@ class Batch:
     def _result(self, search: Search, posed: Posed, solution: Solution) -> Result | None:
         settings = self._config.calibration
         mount, slope = model.polar_from_cartesian(solution.x.mount)
-        share = solution.inlier_share
-        if self._gap < settings.clear_gap or share < settings.clear_inliers or mount[1] > settings.max_rho_m:
+        if self._gap < settings.clear_gap or not self._explains(solution) or mount[1] > settings.max_rho_m:
             return None
         problem = posed.problem
         shown, found = nominal_information(problem, solution)
@@ -190,7 +194,7 @@ class Batch:
             covariance,
             slope @ covariance_from_information(shown) @ slope.T,
             self._gap,
-            share,
+            solution.inlier_share,
             tuple(centres(self._prior_centres + found)),
             problem.lines,
             self._halves(problem, solution),

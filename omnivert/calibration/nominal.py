@@ -21,7 +21,7 @@ from omnivert.odometry import arc
 
 Array = NDArray[np.float64]
 
-CAUTION = 2.0  # sigmas by which lines count as farther than they are found
+CAUTION = 2.0  # sigmas of a line's inverse distance that do not count
 
 
 def nominal_steps(problem: Problem, moved: Increments, corrections: Array) -> tuple[Array, list[Piece]]:
@@ -55,8 +55,9 @@ def nominal_information(problem: Problem, solution: Solution) -> tuple[Array, li
     middle = problem.frame[order[np.minimum((bounds[:-1] + bounds[1:]) // 2, order.size - 1)]]
     old, new = x.pose[middle], pose[middle]
     turn = new[:, 2] - old[:, 2]
-    # A far line's distance is fitted to noise, and would then seem to show parallax: it counts as far as it may be.
-    w = np.maximum(x.w - CAUTION * solution.inverse_distance_std(), 0.0)
+    # A far line's distance is fitted to noise, and would then seem to show parallax, which goes by its square: w^2 is
+    # on average too large by its variance, and more than that is taken off.
+    w = np.sqrt(np.maximum(x.w**2 - (CAUTION * solution.inverse_distance_std()) ** 2, 0.0))
     sight = np.stack([np.cos(x.u), np.sin(x.u)], axis=1) + w[:, None] * (x.anchor - old[:, :2])
     c, s = np.cos(turn), np.sin(turn)
     length = np.hypot(sight[:, 0], sight[:, 1])

@@ -225,9 +225,9 @@ class Calibration(Section):
     """No bearing is believed to be better than this."""
     invalid_inliers: float = Field(0.7, ge=0.0, le=1.0)
     """When the best solution explains less than this share of the bearings, data and model contradict each other."""
-    keyframe_step_m: float = Field(0.03, gt=0.0, le=10.0)
+    keyframe_step_m: float = Field(0.015, gt=0.0, le=10.0)
     """Bearings count again after this way, or after `keyframe_turn_deg`: a robot that stands learns nothing new."""
-    keyframe_turn_deg: float = Field(2.0, gt=0.0, le=90.0)
+    keyframe_turn_deg: float = Field(1.0, gt=0.0, le=90.0)
     window_keyframes: int = Field(600, ge=40, le=5000)
     """Keyframes that are solved together; then the older half becomes a prior of the rest."""
     window_lines: int = Field(200, ge=10, le=5000)
