@@ -104,8 +104,8 @@ class Batch:
             search, solution = self._freed(search, solution)
             self.inlier_share = solution.inlier_share
             self._shared = solution.x.shared.copy()
-            self._stretch.remember(posed, solution)
             result = self._result(search, posed, solution)
+            self._stretch.remember(posed, solution, clear=result is not None)
             if problem.frames >= self._config.calibration.window_keyframes:
                 self._cut(problem.frames // 2)
         except ArithmeticError:  # this stretch determines nothing yet
@@ -132,7 +132,7 @@ class Batch:
         found: Solution | None = None
         if self._shared is not None:
             x = self._stretch.guess(posed, self._shared)
-            found = search.polished(search.solved(x, problem.std, 12, 0.01), 2)
+            found = search.continued(x, 12)
         kinds = len(self.centres())
         doubtful = found is None or self._gap < settings.clear_gap or not self._explains(found)
         growth = problem.frames / max(self._searched, 1)

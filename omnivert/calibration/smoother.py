@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 OUTLIERS = 0.05  # share of bearings that point anywhere, a priori
 W_RANGE = (-0.02, 5.0)  # 1/m; a little past infinity does no harm
+NEW_FRAME = (0.03, 0.01, 0.004)  # rad, sigmas with which a lost keyframe finds its place
 FARTHEST = 0.3  # of a correction from what is configured: s, 1, 1
 
 
@@ -160,6 +161,26 @@ class Search:
             wide = np.maximum(std, last)
             return self.solved(self.replaced(x, wide), wide, iterations, 0.5)
         return self.polished(self.solved(self.replaced(x, std), std, 3 * iterations, 0.02))
+
+    def continued(self, x: Unknowns, iterations: int) -> Solution:
+        """From the solution of almost the same problem: keyframes that are new, or were lost, find their place first.
+
+        Dead reckoning misses a keyframe by many sigmas of its bearings; taken at once, all of them would be rejected.
+        """
+        problem, std = self.problem, self.problem.std
+        for sigma in NEW_FRAME:
+            lost = self._lost_frames(x)
+            if not lost.any():
+                break
+            x = self.solved(x, np.where(lost[problem.frame], np.maximum(std, sigma), std), 4, 0.5).x
+        return self.polished(self.solved(self.replaced(x, std), std, iterations, 0.01), 2)
+
+    def _lost_frames(self, x: Unknowns) -> NDArray[np.bool_]:
+        """Keyframes with most of their bearings rejected (F,)."""
+        frame = self.problem.frame
+        weight, _ = mixture(self._errors(x), self.problem.std)
+        count = np.bincount(frame, minlength=self.problem.frames)
+        return np.asarray((np.bincount(frame, weight, self.problem.frames) < 0.6 * count) & (count > 1))
 
     def polished(self, solution: Solution, rounds: int = 3) -> Solution:
         """Lines that some of their sights miss are placed anew and everything solved again, as long as that helps."""

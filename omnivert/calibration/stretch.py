@@ -109,12 +109,14 @@ class Stretch:
         u, w = triangulated(problem, pose, shared[:3], std, anchor, u, w, np.array(missing, dtype=np.int64))
         return Unknowns(pose, shared.copy(), anchor, u, w)
 
-    def remember(self, posed: Posed, solution: Solution) -> None:
-        """Start from this next time; and tracks that have changed their line get a new one from there on."""
+    def remember(self, posed: Posed, solution: Solution, clear: bool) -> None:
+        """Start from this next time; and if it is clear, tracks that have changed their line get a new one from there."""
         x = solution.x
         self._pose = x.pose.copy()
         names = posed.names.tolist()
         self._line = {name: (x.anchor[i].copy(), float(x.u[i]), float(x.w[i])) for i, name in enumerate(names)}
+        if not clear:
+            return
         lost = solution.weight < 0.1
         for i in np.flatnonzero(np.bincount(posed.problem.line, lost, len(names)) >= RUN).tolist():
             own = np.flatnonzero(posed.problem.line == i)

@@ -223,7 +223,7 @@ def test_a_track_that_jumps_to_another_line_becomes_two() -> None:
     posed = stretch.posed(first_prior(), 200, 4)
     found = started(posed.problem, 1.0, 4, 60)
     assert found is not None
-    stretch.remember(posed, found.solution)
+    stretch.remember(posed, found.solution, clear=True)
     names = stretch.posed(first_prior(), 200, 4).names
     assert names.size == posed.names.size + 1
     assert names.min() < 0
