@@ -14,7 +14,7 @@ NONE = np.zeros(3)
 
 def wheels(noise: np.random.Generator | None = None, tick_m: float = 0.0) -> Wheels:
     """A smooth way with turns, told every 20 ms for two seconds."""
-    time: Array = 0.02 * np.arange(101)
+    time: Array = np.linspace(0.0, 2.0, 101)
     speed = np.stack([0.3 + 0.2 * np.sin(3.0 * time), 0.3 - 0.25 * np.sin(3.0 * time + 0.4)])
     steps = 0.02 * speed[:, 1:]
     if noise is not None:

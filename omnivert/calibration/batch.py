@@ -60,6 +60,28 @@ class Result:
         return 0.5 * (gap + gap.T)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What one call of the solver has found."""
+
+    result: Result | None  # None while there is no single clear solution
+    centres: tuple[Piece, ...]  # clearly different centres of rotation so far, as the wheels tell
+    share: float  # of the bearings that the best solution explains, clear or not
+    wrong: str  # what is wired wrongly, as far as the drive tells
+    keyframes: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyed:
+    """A keyframe as it comes."""
+
+    stamp_s: float
+    wheels: Samples | None  # since the one before; None where their way is unknown
+    track: Index  # (N,)
+    beta: Array  # (N,) rad
+    std: Array  # (N,) rad
+
+
 class Batch:
     """Gathers keyframes; solves when told to. A long drive is solved stretch by stretch, each the next one's prior."""
 
@@ -75,23 +97,26 @@ class Batch:
         self._gap = 0.0
         self._searched = 0  # keyframes at the last global start
         self._searched_kinds = 0  # different centres of rotation in it
-        self.keyframes = 0  # since the beginning
-        self.inlier_share = 1.0  # of the last solution, clear or not
-        self.wrong = ""  # what is wired wrongly, as far as the drive tells
+        self._keyframes = 0  # since the beginning
+        self._share = 1.0
+        self._wrong = ""
 
-    def append(self, stamp_s: float, wheels: Samples | None, track: Index, beta: Array, std: Array) -> None:
-        """One more keyframe, and the wheels since the one before; None where their way is unknown."""
-        self._stretch.append(stamp_s, wheels, track, beta, std)
+    def append(self, key: Keyed) -> None:
+        self._stretch.append(key.stamp_s, key.wheels, key.track, key.beta, key.std)
         self._centres = None
-        self.keyframes += 1
+        self._keyframes += 1
 
     @property
     def size(self) -> int:
         """Keyframes that are solved together now."""
         return len(self._stretch.keyframes)
 
-    def solve(self) -> Result | None:
-        """The best mount for all keyframes; None while there is no single clear one."""
+    def solve(self) -> Outcome:
+        """The best mount for all keyframes, if there is a single clear one."""
+        result = self._solved()
+        return Outcome(result, self._all_centres(), self._share, self._wrong, self._keyframes)
+
+    def _solved(self) -> Result | None:
         posed = self._posed()
         problem = posed.problem
         if problem.lines < 1 or problem.frames < 8 or problem.beta.size < 3 * problem.lines:
@@ -102,7 +127,7 @@ class Batch:
             if solution is None:
                 return None
             search, solution = self._freed(search, solution)
-            self.inlier_share = solution.inlier_share
+            self._share = solution.inlier_share
             self._shared = solution.x.shared.copy()
             result = self._result(search, posed, solution)
             self._stretch.remember(posed, solution, clear=result is not None)
@@ -112,7 +137,7 @@ class Batch:
             return None
         return result
 
-    def centres(self) -> tuple[Piece, ...]:
+    def _all_centres(self) -> tuple[Piece, ...]:
         """Clearly different centres of rotation so far, as the wheels tell."""
         if self._centres is None:
             encoder = self._config.encoder
@@ -133,7 +158,7 @@ class Batch:
         if self._shared is not None:
             x = self._stretch.guess(posed, self._shared)
             found = search.continued(x, 12)
-        kinds = len(self.centres())
+        kinds = len(self._all_centres())
         doubtful = found is None or self._gap < settings.clear_gap or not self._explains(found)
         growth = problem.frames / max(self._searched, 1)
         due = growth >= (1.5 if kinds < 2 else 1.15 if doubtful else 1.35)  # one kind of motion has no clear solution
@@ -145,7 +170,7 @@ class Batch:
                 if found is None or start.solution.score < found.score - 3.0:
                     found = start.solution
                 self._gap = start.gap
-            self.wrong = self._suspicion(problem, found)
+            self._wrong = self._suspicion(problem, found)
         return found
 
     def _explains(self, solution: Solution) -> bool:
@@ -156,7 +181,7 @@ class Batch:
 
     def _suspicion(self, problem: Problem, found: Solution | None) -> str:
         settings = self._config.calibration
-        if found is None or self._explains(found) or problem.frames < 30 or len(self.centres()) < 2:
+        if found is None or self._explains(found) or problem.frames < 30 or len(self._all_centres()) < 2:
             return ""
         return wiring.suspicion(
             problem, found, settings.max_rho_m, settings.clear_inliers, settings.start_etas, settings.start_lines
@@ -164,7 +189,7 @@ class Batch:
 
     def _freed(self, search: Search, solution: Solution) -> tuple[Search, Solution]:
         """The solution with those corrections freed that the drive shows."""
-        if len(self.centres()) < 2 or self._gap < self._config.calibration.clear_gap:
+        if len(self._all_centres()) < 2 or self._gap < self._config.calibration.clear_gap:
             return search, solution
         information, step = search.opened(solution)
         free = corrections.freed(self._config, self._free, information, step, solution.x.corrections)

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 import omnivert
 from omnivert.angles import wrap
-from omnivert.calibration.batch import Batch, Result
-from omnivert.calibration.ekf import Filter, Innovation, Rules, rules_of_the_paper
+from omnivert.calibration.batch import Batch, Keyed, Outcome, Result
+from omnivert.calibration.ekf import Filter, Rules, rules_of_the_paper
 from omnivert.calibration.observability import larger
+from omnivert.calibration.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
+from omnivert.calibration.smoothing import Background, Smoothing, at_once
 from omnivert.calibration.verdict import Shown, Verdict, paper_verdict, verdict
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
@@ -25,13 +27,18 @@ SHOWN_RAD = 0.6  # an estimate is published when phi is known to this
 
 
 class Calibrator:
-    """Takes ticks and bearings in the order of their stamps; gives one estimate for every frame."""
+    """Takes ticks and bearings in the order of their stamps; gives one estimate for every frame.
 
-    def __init__(self, config: Config, stored: Extrinsics | None = None) -> None:
+    background  runs the smoother beside the pulse; its results are taken up at frames that do not depend on its speed
+    """
+
+    def __init__(
+        self, config: Config, stored: Extrinsics | None = None, background: Background[Outcome] = at_once
+    ) -> None:
         self._config = config
         self._paper = config.calibration.mode == "paper"
         self._odometer = Odometer(config.encoder, config.robot.wheel_base_m)
-        self._batch = Batch(config)
+        self._smoothing = Smoothing(Batch(config), background)
         self._held: deque[Sighting] = deque()
         self._refused: Counter[str] = Counter()
         self._newest_ns = -1  # frame received
@@ -43,10 +50,7 @@ class Calibrator:
         self._frames = 0
         self._driven_m = 0.0
         self._turned_rad = 0.0
-        self._next_solve = 12  # keyframes
-        self._result: Result | None = None
-        self._filter: Filter | None = None
-        self._innovation = Innovation(0, 0, 0)
+        self._pulse = Pulse()
         self._lines_seen = 0
         self._state = State.WAITING
         self._claimed: Array | None = None  # sigmas of the last extrinsics
@@ -55,15 +59,18 @@ class Calibrator:
         self._stored: Mount | None = None
         if self._paper:
             c = config.calibration
-            self._filter = Filter(
-                np.array([c.start_phi_rad, c.start_rho_m, c.start_psi_rad]),
-                np.diag([0.5**2, 0.1**2, 0.5**2]),
-                rules_of_the_paper(config.robot.wheel_base_m, config.encoder.noise_k_m),
+            self._pulse = Pulse(
+                Filter(
+                    np.array([c.start_phi_rad, c.start_rho_m, c.start_psi_rad]),
+                    np.diag([0.5**2, 0.1**2, 0.5**2]),
+                    rules_of_the_paper(config.robot.wheel_base_m, config.encoder.noise_k_m),
+                )
             )
         elif stored is not None:
             mount = stored.mount
             self._stored = mount
-            self._filter = Filter(np.array([mount.phi_rad, mount.rho_m, mount.psi_rad]), mount.covariance, Rules())
+            at = np.array([mount.phi_rad, mount.rho_m, mount.psi_rad])
+            self._pulse = Pulse(Filter(at, mount.covariance, Rules()))
             self._state = stored.state
             self._claimed = np.sqrt(np.diag(mount.covariance))
 
@@ -82,6 +89,15 @@ class Calibrator:
         while self._held and self._is_due(self._held[0]):
             out += self._work(self._held.popleft())
         return tuple(out)
+
+    def settle(self) -> Result | None:
+        """Everything so far, solved once more: the smoother's last word; None without a single clear solution."""
+        self._adopt(self._smoothing.finished(), [])
+        if self._has_key:
+            self._smoothing.begin()
+            self._pulse.mark()
+            self._adopt(self._smoothing.finished(), [])
+        return self._smoothing.result
 
     def close(self) -> tuple[Estimate | Extrinsics, ...]:
         """No more messages will come: what is held goes through without counts, and the final state is claimed."""
@@ -119,8 +135,7 @@ class Calibrator:
             self._driven_m += motion.driven_m
             self._turned_rad += motion.turned_rad
             self._way_since_key = (self._way_since_key[0] + motion.driven_m, self._way_since_key[1] + motion.turned_rad)
-            if self._filter is not None:
-                self._filter.predict(motion)
+            self._pulse.predict(motion)
             if self._is_keyframe():
                 self._see(sighting, reasons)
         self._lines_seen = sighting.track.size
@@ -144,8 +159,7 @@ class Calibrator:
             reasons.append("the wheels' counts broke off; the way since the last frame is unknown")
             self._since_key = None
             self._way_since_key = (np.inf, np.inf)
-            if self._filter is not None:
-                self._filter.forget_lines()
+            self._pulse.forget_lines()
             return nothing()
         if self._has_key:
             self._since_key = told if self._since_key is None else self._since_key + told
@@ -159,36 +173,32 @@ class Calibrator:
         return way >= settings.keyframe_step_m or turn >= np.deg2rad(settings.keyframe_turn_deg)
 
     def _see(self, sighting: Sighting, reasons: list[str]) -> None:
-        if self._filter is not None:
-            self._innovation = self._filter.update(sighting.track, sighting.beta, sighting.std)
-            if not self._filter.is_sound:
-                self._refused["filter: covariance lost its definiteness"] += 1
-                reasons.append("the filter lost its footing and starts anew")
-                self._filter = None
-        else:
-            self._innovation = Innovation(0, sighting.track.size, 0)
+        if not self._pulse.update(sighting):
+            self._refused["filter: covariance lost its definiteness"] += 1
+            reasons.append("the filter lost its footing and starts anew")
         if self._paper:
             return
         stamp_s = sighting.stamp_ns / SECOND
-        self._batch.append(stamp_s, self._since_key, sighting.track, sighting.beta, sighting.std)
+        key = Keyed(stamp_s, self._since_key, sighting.track, sighting.beta, sighting.std)
         self._has_key, self._since_key, self._way_since_key = True, None, (0.0, 0.0)
-        if self._batch.keyframes >= self._next_solve:
-            self._solve(reasons)
+        self._smoothing.append(key)
+        if self._smoothing.is_due:
+            self._adopt(self._smoothing.finished(), reasons)
+            self._smoothing.begin()
+            self._pulse.mark()
 
-    def _solve(self, reasons: list[str]) -> None:
-        self._next_solve = self._batch.keyframes + max(4, self._batch.size // 50)
-        self._result = self._batch.solve()
-        self._reseed(reasons)
-
-    def _reseed(self, reasons: list[str]) -> None:
+    def _adopt(self, outcome: Outcome | None, reasons: list[str]) -> None:
         """The filter goes on from the batch's joint, each time there is one: it only bridges what comes between."""
-        result = self._result
+        if outcome is None:
+            return
+        result = outcome.result
+        running = self._pulse.filter
         if result is None or len(result.centres) < 2:  # nothing to start from
             if self._stored is None:
-                self._filter = None
+                self._pulse.drop()
             return
-        if self._stored is not None and self._filter is not None:
-            off = result.mount - self._filter.mount
+        if self._stored is not None and running is not None:
+            off = result.mount - running.mount
             off[[0, 2]] = wrap(off[[0, 2]])
             spread = result.honest_covariance + self._stored.covariance
             if float(off @ np.linalg.solve(spread, off)) > 21.1:  # chi-square of 3: 1 in 10 000
@@ -198,7 +208,7 @@ class Calibrator:
                 return
             self._stored = None
         if np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
-            self._filter = _seeded(result)
+            self._pulse.seed(result)
             self._corrections = result.corrections
 
     def _told(self, stamp_ns: int, reasons: list[str]) -> list[Estimate | Extrinsics]:
@@ -221,9 +231,9 @@ class Calibrator:
             next_manoeuvre=judged.next_manoeuvre,
             driven_m=self._driven_m,
             turned_rad=self._turned_rad,
-            lines_used=self._innovation.used,
-            lines_new=self._innovation.new,
-            lines_rejected=self._innovation.rejected,
+            lines_used=self._pulse.innovation.used,
+            lines_new=self._pulse.innovation.new,
+            lines_rejected=self._pulse.innovation.rejected,
             reasons=tuple(dict.fromkeys(reasons))[:16],
             **self._beside(mount),
         )
@@ -234,7 +244,7 @@ class Calibrator:
 
     def _beside(self, mount: Array | None) -> dict[str, Any]:
         """What the smoother says, beside the filter's mount."""
-        result = self._result
+        result = self._smoothing.result
         if result is None or len(result.centres) < 2 or not self._is_shown(result.honest_covariance):
             return {}
         covariance = 0.5 * (result.honest_covariance + result.honest_covariance.T)
@@ -265,30 +275,31 @@ class Calibrator:
 
     def _mount(self) -> tuple[Array | None, Array | None]:
         """phi, rho, psi and the covariance that may be claimed, without what only the wheels' noise has shown."""
-        if self._filter is not None:
-            covariance = self._filter.mount_covariance
+        running, result = self._pulse.filter, self._smoothing.result
+        if running is not None:
+            covariance = running.mount_covariance
             if self._stored is not None:
                 covariance = larger(covariance, self._stored.covariance)
-            elif self._result is not None:
-                covariance = covariance + self._result.excess
-            return self._filter.mount, 0.5 * (covariance + covariance.T)
-        if self._result is not None and len(self._result.centres) >= 2:
-            covariance = self._result.honest_covariance
-            return self._result.mount, 0.5 * (covariance + covariance.T)
+            elif result is not None:
+                covariance = covariance + result.excess
+            return running.mount, 0.5 * (covariance + covariance.T)
+        if result is not None and len(result.centres) >= 2:
+            covariance = result.honest_covariance
+            return result.mount, 0.5 * (covariance + covariance.T)
         return None, None
 
     def _is_shown(self, covariance: Array) -> bool:
         return self._paper or float(np.sqrt(covariance[0, 0])) < SHOWN_RAD
 
     def _judged(self, mount: Array | None, covariance: Array | None) -> Verdict:
-        result = self._result
+        result, outcome = self._smoothing.result, self._smoothing.outcome
         shown = Shown(
             frames=self._frames,
             lines=self._lines_seen,
             ticks=self._last_ns is not None,
             driven_m=self._driven_m,
             turned_rad=self._turned_rad,
-            centres=result.centres if result is not None else self._batch.centres(),
+            centres=outcome.centres,
             covariance=covariance,
             rho_m=0.0 if mount is None else float(mount[1]),
             contradicted=self._contradiction(),
@@ -300,15 +311,14 @@ class Calibrator:
 
     def _contradiction(self) -> str:
         """Said when even the best mount leaves many bearings unexplained, though the drive would show a good one."""
-        settings = self._config.calibration
-        if self._batch.wrong:
-            return f"because the drive only makes sense if {self._batch.wrong}"
-        enough = self._batch.keyframes >= 40 and len(self._batch.centres()) >= 2
-        if self._result is not None or not enough or self._batch.inlier_share >= settings.invalid_inliers:
+        outcome = self._smoothing.outcome
+        if outcome.wrong:
+            return f"because the drive only makes sense if {outcome.wrong}"
+        enough = outcome.keyframes >= 40 and len(outcome.centres) >= 2
+        if outcome.result is not None or not enough or outcome.share >= self._config.calibration.invalid_inliers:
             return ""
-        share = 100.0 * self._batch.inlier_share
         return (
-            f"because no mount explains more than {share:.0f} % of the bearings: "
+            f"because no mount explains more than {100.0 * outcome.share:.0f} % of the bearings: "
             "check the wheel base, the wheels' diameter, the clocks of camera and encoders, and what else moves"
         )
 
@@ -318,11 +328,3 @@ class Calibrator:
             return True
         better = np.sqrt(np.diag(mount.covariance)) < 0.9 * self._claimed
         return bool(better.any()) and self._frames - self._claimed_frame >= 15
-
-
-def _seeded(result: Result) -> Filter:
-    lines, covariance, tracks = result.seed
-    # Lines that the filter starts itself make it too sure by half within 60 frames [measured]; the batch starts them.
-    fresh = Filter(result.mount, result.covariance, Rules(enters=False))
-    fresh.seed(result.mount, lines, covariance, list(tracks))
-    return fresh

@@ -88,7 +88,7 @@ def unknowns(problem: Problem, pose: Array, shared: Array) -> Unknowns:
 
 def candidates(problem: Problem, pose: Array, max_rho: float, count: int) -> list[Array]:
     """The best mounts (eta, cx, cy) of the scan over eta, best first."""
-    half: Array = np.arange(ETAS // 2) * (TURN / ETAS)
+    half: Array = np.linspace(0.0, 0.5 * TURN, ETAS // 2, endpoint=False)
     # The equation does not tell a sight from its opposite: eta and eta + pi share a solution, the score decides.
     eta = wrap(np.concatenate([half, half + np.pi]))
     place, toward, away = _scan(

@@ -110,7 +110,7 @@ class Stretch:
         return Unknowns(pose, shared.copy(), anchor, u, w)
 
     def remember(self, posed: Posed, solution: Solution, clear: bool) -> None:
-        """Start from this next time; and if it is clear, tracks that have changed their line get a new one from there."""
+        """Start from this next time; if it is clear, tracks that have changed their line get a new one from there."""
         x = solution.x
         self._pose = x.pose.copy()
         names = posed.names.tolist()

@@ -1,0 +1,61 @@
+"""The smoother beside the pulse: keyframes wait while it works, and its results are taken up at fixed keyframes."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from omnivert.calibration.batch import Batch, Keyed, Outcome, Result
+
+R = TypeVar("R")
+Job = Callable[[], R]
+Background = Callable[[Job[R]], Job[R]]  # starts a job; what it gives back waits for the result
+
+FIRST = 12  # keyframes before the first solution
+EVERY = 4  # keyframes from one to the next, at least
+SHARE = 50  # and at least the keyframes that are solved together, divided by this
+
+
+def at_once(job: Job[R]) -> Job[R]:
+    """No background: the job is done before anything else."""
+    result = job()
+    return lambda: result
+
+
+class Smoothing:
+    """Feeds a batch and asks it to solve. `outcome` changes only when `finished` is called."""
+
+    def __init__(self, batch: Batch, background: Background[Outcome]) -> None:
+        self.outcome = Outcome(None, (), 1.0, "", 0)
+        self._batch = batch
+        self._background = background
+        self._under_way: Job[Outcome] | None = None
+        self._queue: list[Keyed] = []
+        self._keyframes = 0
+        self._next = FIRST
+
+    @property
+    def result(self) -> Result | None:
+        return self.outcome.result
+
+    @property
+    def is_due(self) -> bool:
+        return self._keyframes >= self._next
+
+    def append(self, key: Keyed) -> None:
+        self._queue.append(key)
+        self._keyframes += 1
+
+    def finished(self) -> Outcome | None:
+        """The outcome of the work that was begun last, waited for if need be; None when there was none."""
+        if self._under_way is None:
+            return None
+        self.outcome = self._under_way()
+        self._under_way = None
+        return self.outcome
+
+    def begin(self) -> None:
+        """Work on all keyframes that have come."""
+        for key in self._queue:
+            self._batch.append(key)
+        self._queue = []
+        self._next = self._keyframes + max(EVERY, self._batch.size // SHARE)
+        self._under_way = self._background(self._batch.solve)
