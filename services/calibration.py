@@ -6,8 +6,12 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
+from omnivert.calibration.batch import Outcome
 from omnivert.calibration.calibrator import Calibrator
+from omnivert.calibration.smoothing import Background
+from omnivert.calibration.warm_up import warm_up
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Playback, Receipt, Ticks
 from omnivert.store import Entry
@@ -24,7 +28,12 @@ _NEW_IDS = 2**40  # the tracks of a vision service that has come anew are counte
 
 
 def run(bus: Bus, config: Config, arguments: argparse.Namespace | None = None) -> None:
-    desk = _Desk(bus, config)
+    warm_up(config)  # before others are told that this service is here, or their first frames would wait for it
+    with ThreadPoolExecutor(1, "smoother") as pool:
+        _run(bus, _Desk(bus, config, lambda job: pool.submit(job).result))
+
+
+def _run(bus: Bus, desk: "_Desk") -> None:
     heard = bus.listen(TICKS, BEARINGS, RECEIPT, PLAYBACK, period_s=_PERIOD_S)
     bus.answer(EXTRINSICS, lambda: desk.claims.newest)
     for received in heard:
@@ -37,8 +46,9 @@ def run(bus: Bus, config: Config, arguments: argparse.Namespace | None = None) -
 class _Desk:
     """One drive at a time: its timeline, its calibrator, and the claims that storage has not acknowledged yet."""
 
-    def __init__(self, bus: Bus, config: Config) -> None:
+    def __init__(self, bus: Bus, config: Config, background: Background[Outcome]) -> None:
         self.claims = Repeater()
+        self._background = background
         self._bus = bus
         self._config = config
         self._sources = Sources(bus.alive)
@@ -108,7 +118,7 @@ class _Desk:
     def _work(self, released: Sequence[Message], cause: Received) -> None:
         for message in released:
             if self._calibrator is None:
-                self._calibrator = Calibrator(self._config, self._to_resume(cause))
+                self._calibrator = Calibrator(self._config, self._to_resume(cause), self._background)
             if isinstance(message, Ticks | Bearings):
                 for result in self._calibrator.step(message):
                     self._publish(result, cause)
