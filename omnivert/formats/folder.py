@@ -6,7 +6,6 @@ meta.json, frames.csv, encoders.csv; scans.csv and truth/ where there are some
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +13,10 @@ from numpy.typing import NDArray
 
 from omnivert.config import Config
 from omnivert.drivers.image_file import frame_from_file
+from omnivert.formats.drive_folder import ClosedFolder, hold_in_order, hold_together
 from omnivert.formats.meta import Laser, Meta
-from omnivert.formats.regular import content
 from omnivert.formats.table import Row, refusal, rows, wide_rows
 from omnivert.messages import Frame, Message, Scan, Ticks
-
-NS_PER_S = 1_000_000_000
-LONGEST_GAP_S = 3600  # no drive stands still for so long: two drives in one file, or a wrong digit
-
-Stamps = list[tuple[str, int]]  # place of the row, its time in ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +36,7 @@ class FramesFolder:
     """
 
     def __init__(self, folder: Path, base: Config) -> None:
-        if not folder.is_dir():
-            raise refusal(str(folder), "is no folder")
-        self._folder = folder.resolve()
+        self._folder = ClosedFolder(folder)
         meta = Meta(folder / "meta.json")
         self.config = meta.config(base)
         self._ticks = [
@@ -60,9 +52,9 @@ class FramesFolder:
         ticks = [(place, message.stamp_ns) for place, message in self._ticks]
         scans = [(place, message.stamp_ns) for place, message in self._scans]
         for stamps in (ticks, scans, frames):
-            _hold_in_order(stamps)
+            hold_in_order(stamps)
         for stamps in (ticks, scans):
-            _hold_together(stamps, frames)
+            hold_together(stamps, frames)
         firsts = [self._ticks[0][1].stamp_ns, self._images[0].stamp_ns, *(scan.stamp_ns for _, scan in self._scans[:1])]
         self.shift_ns = max(0, -min(firsts))
         counts = {"Frame": len(self._images), "Ticks": len(self._ticks), "Scan": len(self._scans)}
@@ -80,29 +72,18 @@ class FramesFolder:
 
     def attachments(self) -> Iterator[tuple[str, bytes]]:
         """meta.json, for what the rig does not hold, and everything under truth/, in order of name."""
-        truth = sorted(path for path in (self._folder / "truth").rglob("*") if path.is_file())
-        for path in (self._folder / "meta.json", *truth):
-            name = path.relative_to(self._folder).as_posix()
-            yield name, _content(self._inside(path, name), name)
+        return self._folder.attachments()
 
     def _image(self, row: Row) -> _Image:
         row.integer("index")
-        return _Image(row.stamp_ns("t_s"), row.place, self._inside(self._folder / row.text("file"), row.place))
-
-    def _inside(self, path: Path, place: str) -> Path:
-        """The path with its links followed, if that is still in the folder."""
-        try:
-            target = path.resolve()
-        except (OSError, RuntimeError, ValueError) as error:  # a ring of links, a NUL in the name
-            raise refusal(place, f"{path.name!r} is no usable file name") from error
-        if not target.is_relative_to(self._folder):
-            raise refusal(place, f"{path.name!r} leaves the folder")
-        return target
+        return _Image(
+            row.stamp_ns("t_s"), row.place, self._folder.inside(self._folder.path / row.text("file"), row.place)
+        )
 
     def _frame(self, image: _Image) -> Frame:
-        place = f"{image.place}, {image.path.relative_to(self._folder)}"
+        place = f"{image.place}, {image.path.relative_to(self._folder.path)}"
         try:
-            frame = frame_from_file(_content(image.path, place), image.stamp_ns + self.shift_ns)
+            frame = frame_from_file(self._folder.bytes_of(image.path, place), image.stamp_ns + self.shift_ns)
         except ValueError as error:
             raise refusal(place, str(error)) from error
         camera = self.config.camera
@@ -124,34 +105,3 @@ def _scan(row: Row, laser: Laser) -> Scan:
         raise refusal(row.place, "a range is NaN or negative")
     heard = np.where(silent, 0.0, range_m).astype(np.float32)
     return Scan(row.stamp_ns("t_s"), laser.angle_min_rad, laser.angle_increment_rad, heard)
-
-
-def _hold_in_order(stamps: Stamps) -> None:
-    for (_, before), (place, stamp) in pairwise(stamps):
-        if stamp < before:
-            raise refusal(place, f"the time runs backwards, by {(before - stamp) / NS_PER_S:.9g} s")
-        if stamp - before > LONGEST_GAP_S * NS_PER_S:
-            raise refusal(place, f"the time jumps by {(stamp - before) / NS_PER_S:.9g} s; one drive has no such gap")
-
-
-def _hold_together(stamps: Stamps, frames: Stamps) -> None:
-    """Both are of one drive only if they have some time in common."""
-    if not stamps:
-        return
-    (first, first_ns), (last, last_ns) = stamps[0], stamps[-1]
-    (frame, frame_ns), (last_frame, last_frame_ns) = frames[0], frames[-1]
-    if first_ns > last_frame_ns:
-        later_s = (first_ns - last_frame_ns) / NS_PER_S
-        raise refusal(
-            first, f"begins {later_s:.9g} s after the last frame ({last_frame}): not of one drive or one clock"
-        )
-    if last_ns < frame_ns:
-        far = f"ends {(frame_ns - last_ns) / NS_PER_S:.9g} s before the first frame ({frame})"
-        raise refusal(last, f"{far}: not of one drive, or not of one clock")
-
-
-def _content(path: Path, place: str) -> bytes:
-    try:
-        return content(path)
-    except OSError as error:
-        raise refusal(place, f"cannot be read: {error.strerror or error}") from error
