@@ -99,7 +99,8 @@ def calibration(source: "Recording", config: "Config", given: Given) -> Outcome:
 
     again = "omnivert record drive.mcap"
     if not given.frames:
-        raise DataError("OV101", "there are no frames in this recording", "the lines come from them", again)
+        what = "there are neither frames nor bearings in this recording"
+        raise DataError("OV101", what, "the lines come from them", again)
     if not given.ticks:
         raise DataError("OV102", "there are no ticks in this recording", "the way of the wheels comes from them", again)
     outcome = Outcome()

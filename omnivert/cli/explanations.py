@@ -205,10 +205,12 @@ EXPLANATIONS = {
     ),
     "OV310": Explanation(
         "import_refused",
-        "The folder does not have the form that omnivert import frames reads: meta.json, frames.csv (index,t_s,file), "
-        "encoders.csv (t_s,left_ticks,right_ticks). The message names the file and the row: a missing file or column, "
-        "a number that is none, times that run backwards or jump by more than an hour, streams that have no time in "
-        "common, an image that cannot be read or lies outside the folder.",
+        "The folder does not have the form that is read. omnivert import frames reads meta.json, frames.csv "
+        "(index,t_s,file) and encoders.csv (t_s,left_ticks,right_ticks); omnivert import bearings reads meta.json, "
+        "bearings.csv (t_s,track_id,bearing_rad) and wheels.csv (t_s,left_m,right_m). The message names the file and "
+        "the row: a missing file or column, a number that is none or out of its range, times that run backwards or "
+        "jump by more than an hour, streams that have no time in common, an image that cannot be read or lies outside "
+        "the folder, a track that comes twice at one time.",
         "Mend that row and import again; no half-written recording was left.",
     ),
     "OV311": Explanation(

@@ -7,7 +7,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from omnivert.messages import Bearings, Frame, Ticks
-from omnivert.wire.channels import FRAME, Channel, channel_from_key
+from omnivert.wire.channels import BEARINGS, FRAME, Channel, channel_from_key
 
 if TYPE_CHECKING:
     from omnivert.wire.recording import Recording
@@ -30,17 +30,19 @@ class Given:
     """The streams of a recording that the calibration lives on."""
 
     seconds: float
-    frames: int  # images, or sets of bearings where the recording is of a bearing sensor
+    images: bool  # else the frames are bearings, of a sensor that is no camera
+    frames: int
     rate_hz: float
     longest_gap_s: float  # between frames
     ticks: int
-    missing: int  # frames and ticks that the rhythm of the others lacks
+    missing: int | None  # frames and ticks that the rhythm of the others lacks; None: other people's logs have none
     cut: str  # what is wrong with the recording; empty when it is whole
     lost: int  # messages that can not be read any more, as far as it is known
 
     @classmethod
     def of(cls, recording: "Recording") -> "Given":
-        sensor = Frame if count(recording, FRAME) else Bearings
+        images = count(recording, FRAME) > 0 or not count(recording, BEARINGS)
+        sensor = Frame if images else Bearings
         stamps: list[int] = []
         ticks: list[int] = []
         for _, message in recording.messages(types=(sensor, Ticks)):
@@ -49,11 +51,12 @@ class Given:
         lasted = 1e-9 * (stamps[-1] - stamps[0]) if len(stamps) > 1 else 0.0
         return cls(
             seconds=1e-9 * (recording.end_ns - recording.start_ns),
+            images=images,
             frames=len(stamps),
             rate_hz=(len(stamps) - 1) / lasted if lasted > 0 else 0.0,
             longest_gap_s=max(gaps, default=0.0),
             ticks=len(ticks),
-            missing=missing(stamps) + missing(ticks),
+            missing=missing(stamps) + missing(ticks) if images else None,
             cut=recording.cut,
             lost=recording.lost,
         )
@@ -64,12 +67,14 @@ class Given:
         return f"{self.cut}, {self.lost} messages are lost" if self.lost else self.cut
 
     def __str__(self) -> str:
+        frames = "frames" if self.images else "bearings frames"
         parts = [
             f"{self.seconds:.1f} s",
-            f"{self.frames} frames ({self.rate_hz:.1f} Hz, longest gap {1e3 * self.longest_gap_s:.0f} ms)",
+            f"{self.frames} {frames} ({self.rate_hz:.1f} Hz, longest gap {1e3 * self.longest_gap_s:.0f} ms)",
             f"{self.ticks} ticks",
-            f"{self.missing} missing",
         ]
+        if self.missing is not None:
+            parts.append(f"{self.missing} missing")
         if self.cut:
             parts.append(f"not whole: {self.fault}")
         return " · ".join(parts)
@@ -77,6 +82,7 @@ class Given:
     def json(self) -> dict[str, Any]:
         return {
             "seconds": self.seconds,
+            "images": self.images,
             "frames": self.frames,
             "rate_hz": self.rate_hz,
             "longest_gap_s": self.longest_gap_s,

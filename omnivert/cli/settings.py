@@ -101,7 +101,8 @@ def recording_path(name: str) -> Path:
             )
         return packaged
     if path.is_dir():
-        help = f"omnivert import frames {name} -o drive.mcap   # makes a recording of a folder of images"
+        kind = "bearings" if (path / "bearings.csv").exists() else "frames"
+        help = f"omnivert import {kind} {name} -o drive.mcap   # makes a recording of a folder"
         raise UseError("OV321", f"{name} is a folder", "a recording is one file", help)
     if path.exists() and not path.is_file():
         because = "it is a device or a pipe, and a recording is read more than once"

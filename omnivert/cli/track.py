@@ -27,7 +27,7 @@ from omnivert.cli.settings import (
 )
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Frame
-from omnivert.wire.channels import FRAME
+from omnivert.wire.channels import BEARINGS, FRAME
 
 if TYPE_CHECKING:
     from omnivert.bench.score.score import Score
@@ -63,7 +63,11 @@ def track(
     source = opened(recording)
     frames = count(source, FRAME)
     if not frames:
-        raise DataError("OV101", f"there are no frames in {title(recording)}", "the lines come from them")
+        because, again = "the lines come from them", ""
+        if count(source, BEARINGS):
+            because = "it holds the bearings themselves, which are tracked already"
+            again = f"omnivert calibrate {recording}"
+        raise DataError("OV101", f"there are no frames in {title(recording)}", because, again)
     inputs = {"recording": source.path, "configuration": config}
     files = {"--csv": csv_path, "--centers": centers, "--video": video}
     check_distinct(inputs, {**files, "--draw": draw})

@@ -20,10 +20,12 @@ class DriveFolder(Protocol):
 
     config  a base with the folder's rig in it
     counts  messages by type
+    notes   what whoever wrote the folder should know
     """
 
     config: Config
     counts: dict[str, int]
+    notes: tuple[str, ...]
 
     def messages(self) -> Iterator[Message]:
         """Everything in order of stamp."""

@@ -32,6 +32,7 @@ class FramesFolder:
     config    `base` with the folder's rig in it
     counts    messages by type
     shift_ns  what is added to every time, so that none is negative
+    notes     none: what is wrong with the images, the calibration says
     raises    DataError naming file and row
     """
 
@@ -59,6 +60,7 @@ class FramesFolder:
         self.shift_ns = max(0, -min(firsts))
         counts = {"Frame": len(self._images), "Ticks": len(self._ticks), "Scan": len(self._scans)}
         self.counts = {name: count for name, count in counts.items() if count}
+        self.notes: tuple[str, ...] = ()
 
     def messages(self) -> Iterator[Message]:
         """Everything in order of stamp; at equal stamps ticks, then scans, then frames."""

@@ -1,7 +1,9 @@
 """meta.json of a folder: the rig in it, as settings. Unknown keys are ignored."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,11 @@ from omnivert.formats.table import refusal
 
 LONGEST_RANGE_M = 1e4  # what a Scan can say
 LARGEST = 1e18  # an integer beyond this has no float
+FINEST_STD_RAD, WIDEST_STD_RAD = 1e-6, pi  # what Bearings can say
+
+# Displacements in metres are counted by a wheel of 1 m around in 10 million ticks: 0.1 um a tick, finer than logs are.
+# Rounding to it is nothing beside the wheels' noise (0.45 mm in 1 mm of way, eq. 31), and 2^53 ticks go 900 000 km.
+METRE_WHEEL = {"wheel_diameter_m": 1.0 / pi, "ticks_per_rev": 10_000_000}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +74,26 @@ class Meta:
                 "r_max_px": self._number("ring.r_max_px"),
             },
         }
-        try:
-            return with_rig(base, rig, self._name)
-        except UseError as error:
-            raise DataError("OV310", error.what, error.because, "omnivert explain OV310") from error
+        return self._with_rig(base, rig)
+
+    def bearings_config(self, base: Config, rate_hz: float) -> Config:
+        """The settings with this rig of a bearing sensor, which sees `rate_hz` times a second.
+
+        Picture and ring stay those of `base`: nothing looks at them, and where the same robot has a camera, too, its
+        configuration still fits.
+        """
+        rig = {
+            "robot": {"wheel_base_m": self._number("robot.wheel_base_m")},
+            "encoder": {**METRE_WHEEL, "left_sign": 1, "right_sign": 1},
+            "camera": {"bearing_sign": 1, "frame_rate_hz": rate_hz},  # the folder's bearings are counter-clockwise
+        }
+        return self._with_rig(base, rig)
+
+    def bearing_std_rad(self) -> float | None:
+        """One sigma of all bearings; None where the file does not say it."""
+        if "bearing_std_rad" not in self._given:
+            return None
+        return check_std(self._number("bearing_std_rad"), self._name, "bearing_std_rad")
 
     def laser(self) -> Laser:
         """The sweep's form, which scans.csv does not say."""
@@ -87,6 +110,12 @@ class Meta:
             raise refusal(self._name, f"laser.n must be at least 1, laser.range_max in (0, {LONGEST_RANGE_M:g}] m")
         return laser
 
+    def _with_rig(self, base: Config, rig: Mapping[str, Mapping[str, Any]]) -> Config:
+        try:
+            return with_rig(base, rig, self._name)
+        except UseError as error:
+            raise DataError("OV310", error.what, error.because, "omnivert explain OV310") from error
+
     def _value(self, place: str) -> Any:
         value: Any = self._given
         for key in place.split("."):
@@ -100,3 +129,13 @@ class Meta:
         if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) < LARGEST:
             raise refusal(self._name, f"{place} = {str(value)[:40]} is no finite number")
         return value
+
+
+def check_std(value: float, place: str, name: str) -> float:
+    """The sigma of a bearing, rad, if it can be one.
+
+    raises  DataError
+    """
+    if not FINEST_STD_RAD <= value <= WIDEST_STD_RAD:
+        raise refusal(place, f"{name} = {value:g} is no sigma of a bearing: {FINEST_STD_RAD:g} to pi, in radians")
+    return value

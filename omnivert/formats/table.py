@@ -27,7 +27,7 @@ class Row:
     """One row under its column names."""
 
     place: str  # "frames.csv, row 7"
-    fields: dict[str, str]
+    fields: dict[str, str]  # of the columns that were asked for
     further: tuple[str, ...] = ()  # fields beyond the named columns
 
     def text(self, column: str) -> str:
@@ -47,6 +47,16 @@ class Row:
             raise refusal(self.place, f"{column} = {given[:40]!r} is no time in seconds")
         return int((seconds * NS_PER_S).to_integral_value())
 
+    def number(self, column: str) -> float:
+        given = self.text(column)
+        try:
+            value = float(given)
+        except ValueError:
+            raise refusal(self.place, f"{column} = {given[:40]!r} is no number") from None
+        if not isfinite(value):
+            raise refusal(self.place, f"{column} = {given[:40]!r} is no finite number")
+        return value
+
     def integer(self, column: str) -> int:
         given = self.text(column)
         try:
@@ -58,9 +68,10 @@ class Row:
         return int(value)
 
 
-def rows(path: Path, columns: tuple[str, ...]) -> Iterator[Row]:
+def rows(path: Path, columns: tuple[str, ...], optional: tuple[str, ...] = ()) -> Iterator[Row]:
     """The rows of a CSV file whose header holds the columns, in any order and among others.
 
+    optional  columns that are in `Row.fields` only where the header has them
     raises  DataError when the file is missing, is no text, lacks a column, or has a row of another length
     """
     for place, header, fields in _records(path):
@@ -68,7 +79,7 @@ def rows(path: Path, columns: tuple[str, ...]) -> Iterator[Row]:
         if missing:
             raise refusal(path.name, f"no column {missing[0]!r}; its header is {','.join(header)[:200]!r}")
         named = dict(zip(header, fields, strict=True))
-        yield Row(place, {column: named[column] for column in columns})
+        yield Row(place, {name: named[name] for name in (*columns, *optional) if name in named})
 
 
 def wide_rows(path: Path, first: str) -> Iterator[Row]:
