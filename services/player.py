@@ -71,7 +71,7 @@ def run(
     part = _Part(recording, config, from_s, to_s)
     bus.refuse_beside("bridge", "player")
     begun(part.consumer)
-    if changes := config.rig_changes(_named_alike(recording.config(config), config).rig_digest()):
+    if changes := config.rig_changes(named_alike(recording.config(config), config).rig_digest()):
         bus.note(f"the recording was made with another rig than the configuration's: {'; '.join(changes)}", "rig")
     if recording.cut:
         bus.note(f"the recording is not whole: {recording.cut}", "cut")
@@ -84,7 +84,7 @@ def run(
     return played
 
 
-def _named_alike(config: Config, other: Config) -> Config:
+def named_alike(config: Config, other: Config) -> Config:
     """A configuration with the names that another one gives its robot, camera and encoder."""
     tables = ("robot", "camera", "encoder")
     update = {table: getattr(config, table).model_copy(update={"id": getattr(other, table).id}) for table in tables}

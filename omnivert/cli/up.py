@@ -12,11 +12,13 @@ import typer
 from rich.markup import escape
 
 from omnivert.cli import say
+from omnivert.cli.given import count
 from omnivert.cli.kept import Before
 from omnivert.cli.outputs import check_distinct, check_new_recording
-from omnivert.cli.settings import opened, recording_path, settings, title
+from omnivert.cli.settings import opened, recording_path, rig_of, settings, title
 from omnivert.config import Config
 from omnivert.errors import UseError
+from omnivert.wire.channels import BEARINGS, FRAME
 
 if TYPE_CHECKING:
     from omnivert.cli.supervisor import Event
@@ -91,15 +93,28 @@ def _check(config: Path | None, record: Path | None, play: str | None, speed: fl
 
 @contextmanager
 def _file(config: Path | None, play: str | None) -> Iterator[Path]:
-    """The configuration that the services are started with; without one it is that of the recording's rig."""
+    """The configuration that the services are started with; without one it is that of the recording's rig.
+
+    Bearings of another sensor come with wheels of their own, which no configuration of a robot describes: the rig is
+    the recording's then, too, under the names of the configuration.
+    """
     source = opened(play) if play is not None else None
-    if config is not None:
-        yield config
-    elif source is not None:
+    rig: Config | None = None
+    if source is not None and config is None:
+        rig = source.config(Config())
+    elif source is not None and not count(source, FRAME) and count(source, BEARINGS):
+        from services.player import named_alike
+
+        chosen = settings(config)
+        with_its_names = named_alike(chosen, source.config(chosen))  # other names are none of what is not used
+        rig = named_alike(rig_of(source, with_its_names), chosen)
+    if rig is not None:
         with tempfile.TemporaryDirectory(prefix="omnivert-") as folder:
             path = Path(folder) / "robot.json"
-            path.write_text(json.dumps(source.config(Config()).model_dump(mode="json")), encoding="utf-8")
+            path.write_text(json.dumps(rig.model_dump(mode="json")), encoding="utf-8")
             yield path
+    elif config is not None:
+        yield config
 
 
 def _tell(config: Config, record: Path | None, play: str | None) -> None:
