@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import omnivert
+from omnivert.calibration.smoothing import at_once
 from omnivert.config import Config
 from omnivert.messages import (
     Bearings,
@@ -33,7 +34,7 @@ class NotingCalibrator:
 
     made: list["NotingCalibrator"]
 
-    def __init__(self, config: Config, stored: Extrinsics | None = None) -> None:
+    def __init__(self, config: Config, stored: Extrinsics | None = None, background: object = None) -> None:
         self.stored = stored
         self.given: list[Ticks | Bearings] = []
         self.closed = False
@@ -140,7 +141,7 @@ def bus(monkeypatch: pytest.MonkeyPatch) -> QuietBus:
 
 
 def desk_on(bus: QuietBus, config: Config | None = None) -> Any:
-    return calibration._Desk(bus, config or Config())  # type: ignore[arg-type]
+    return calibration._Desk(bus, config or Config(), at_once)  # type: ignore[arg-type]
 
 
 def test_the_calibrator_gets_both_streams_in_the_order_of_their_stamps(bus: QuietBus) -> None:
