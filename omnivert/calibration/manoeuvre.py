@@ -15,7 +15,6 @@ from omnivert.calibration.model import cartesian_from_polar, polar_from_cartesia
 from omnivert.calibration.normal import W_STD
 from omnivert.calibration.observability import covariance_from_information
 from omnivert.compiled import compiled
-from omnivert.odometry import motion_from_wheels
 
 Array = NDArray[np.float64]
 Leg = tuple[float, float]  # way in m, turn on the spot in rad; one of them is zero
@@ -25,7 +24,6 @@ TURNS_DEG = (45.0, 90.0, 180.0)
 SPEED = 0.15  # m/s, what a manoeuvre's duration is counted with
 TURN_RATE = np.deg2rad(9.0)  # rad/s
 MOST_LINES = 12  # that are carried along; more are stood for by these, each seen as much better
-SUBSTEPS = 8  # encoder samples in a frame: makes room for sideways motion
 DIRECTION_STD = 3.0  # rad: a new line may stand anywhere
 NEAREST_M = 0.3  # a camera does not pass a line closer than this
 
@@ -149,19 +147,41 @@ _World = tuple[Array, Array, Array, NDArray[np.int64], float, float, float, floa
 
 def _along(start: _Place, legs: list[Leg], outlook: Outlook, world: _World) -> list[_Place]:
     """Where each of some legs of one kind ends; they lie on one another, so each goes on from the one before."""
-    moving = legs[0][0] > 0.0
-    stride = outlook.frame_m if moving else outlook.frame_rad
-    right, left = (stride, stride) if moving else (0.5 * outlook.base_m * stride, -0.5 * outlook.base_m * stride)
-    part = np.ones(SUBSTEPS) / SUBSTEPS
-    step = motion_from_wheels(right * part, left * part, outlook.base_m, outlook.noise_k_m)
+    stride, step, noise = _straight(outlook) if legs[0][0] > 0.0 else _on_the_spot(outlook)
     places, at, done = [], start, 0
     for way, turn in legs:
         frames = max(done + 1, round((way + turn) / stride))
         covariance, pose = at.covariance.copy(), at.pose.copy()
-        _drive(covariance, pose, at.frame, step.pose, step.covariance, frames - done, *world)
+        _drive(covariance, pose, at.frame, step, noise, frames - done, *world)
         at, done = _Place(covariance, pose, at.frame + frames - done), frames
         places.append(at)
     return places
+
+
+def _straight(outlook: Outlook) -> tuple[float, Array, Array]:
+    """One frame of it: its length, the step (3,) and its covariance (3, 3) by wheel noise (eq. 31) all along the way.
+
+    Both wheels roll the way L. Heading errors made on the way carry what is left of it aside: integrals of L - s.
+    """
+    way = outlook.frame_m
+    turned = 2.0 * outlook.noise_k_m / outlook.base_m**2  # rad^2/m
+    noise = np.zeros((3, 3))
+    noise[0, 0] = outlook.noise_k_m * way / 2.0
+    noise[1, 1], noise[2, 2] = turned * way**3 / 3.0, turned * way
+    noise[1, 2] = noise[2, 1] = turned * way**2 / 2.0
+    return way, np.array([way, 0.0, 0.0]), noise
+
+
+def _on_the_spot(outlook: Outlook) -> tuple[float, Array, Array]:
+    """The same of a turn: each wheel rolls e a / 2; what they roll together moves the robot where it just heads to."""
+    turn = outlook.frame_rad
+    moved = outlook.noise_k_m * outlook.base_m / 4.0  # m^2/rad
+    noise = np.zeros((3, 3))
+    noise[0, 0] = moved * (turn / 2.0 + np.sin(2.0 * turn) / 4.0)
+    noise[1, 1] = moved * (turn / 2.0 - np.sin(2.0 * turn) / 4.0)
+    noise[0, 1] = noise[1, 0] = moved * np.sin(turn) ** 2 / 2.0
+    noise[2, 2] = outlook.noise_k_m * turn / outlook.base_m
+    return turn, np.array([0.0, 0.0, turn]), noise
 
 
 def _carried(lines: Lines, std: float) -> tuple[Array, Array, Array, float]:

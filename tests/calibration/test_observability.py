@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from omnivert.calibration.observability import Kind, Piece, Unseen, centres, larger, pieces, seen
-from omnivert.odometry import after, arc, motion_from_wheels
+from omnivert.odometry import after, arc
 from omnivert.simulation.robot import drive
 from omnivert.simulation.world import lines_beside, seen_lines
 
@@ -83,6 +83,19 @@ def gathered(wheels: Array, mount: Array, seed: int, scale: float = 1.0, visible
     return np.asarray(matrix[m, m] - matrix[m, rest] @ np.linalg.solve(matrix[np.ix_(rest, rest)], matrix[rest, m]))
 
 
+def wheel_noise(right: float, left: float, samples: int = 8) -> Array:
+    """Covariance (3, 3) of one increment: each wheel's noise at each encoder sample, to first order."""
+    turn = (right - left) / BASE * (np.arange(samples) + 0.5) / samples
+    step = 0.5 * (right + left) / samples * np.exp(1j * turn)
+    left_to_go = step.sum() - np.cumsum(step) + 0.5 * step
+    noise = np.zeros((3, 3))
+    for way, sign in ((right, 1.0), (left, -1.0)):
+        place = 0.5 * np.exp(1j * turn) + sign / BASE * 1j * left_to_go
+        slope = np.stack([place.real, place.imag, np.full(samples, sign / BASE)])
+        noise += K * abs(way) / samples * slope @ slope.T
+    return noise
+
+
 def _padded(held: Array, pose: Array, lines: Array) -> Array:
     n = pose.size
     matrix = np.zeros((n + 3 + 2 * lines.shape[0],) * 2)
@@ -126,8 +139,7 @@ def _information(
     matrix[np.arange(n + 3, n + 3 + lines), np.arange(n + 3, n + 3 + lines)] += 1e-6
     matrix[np.arange(n + 3 + lines, n + 3 + 2 * lines), np.arange(n + 3 + lines, n + 3 + 2 * lines)] += 1.0 / 3.0**2
     for i in range(frames - 1):
-        part = np.ones(8) / 8
-        noise = motion_from_wheels(told[i, 0] * part, told[i, 1] * part, BASE, K).covariance
+        noise = wheel_noise(told[i, 0], told[i, 1])
         information = np.linalg.inv(noise + np.diag([2e-5, 2e-5, 5e-5]) ** 2)
         d = pose[i + 1] - pose[i]
         back = np.exp(-1j * pose[i, 2])
