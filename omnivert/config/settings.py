@@ -254,6 +254,16 @@ class Calibration(Section):
     """The same of the wheel ratio."""
     free_base: float = Field(0.005, gt=0.0, le=1.0)
     """The same of the base, as a share of the configured one."""
+    max_filter_off: float = Field(4.0, gt=0.0, le=1e6)
+    """Sigmas by which filter and smoother may differ for a claim."""
+    hold_limits: float = Field(1.25, ge=1.0, le=10.0)
+    """A claim once made holds until a sigma is this many times its limit: so that it does not flicker."""
+    usable_limits: float = Field(5.0, ge=1.0, le=1000.0)
+    """A parameter is usable when its sigma is at most this many times its limit."""
+    lean_limits: float = Field(2.5, ge=1.0, le=1000.0)
+    """No parameter is calibrated while the sigma of another is more than this many times its limit."""
+    apart_sigmas: float = Field(3.0, gt=0.0, le=100.0)
+    """How far the camera must be from the axis, or from the centre of a circle, to be told from one that sits there."""
     resume: bool = True
     """Take up the stored extrinsics at the start, when robot, camera and configuration match."""
 
