@@ -84,7 +84,7 @@ def unmet(shown: Shown, limits: Calibration, before: State = State.NOT_YET) -> d
         return found
     if len(shown.centres) < 2:
         found[Condition.CENTRES] = _poor(shown)[0]
-    elif (trap := _trap(shown, limits)) is not None:
+    elif Condition.NEAR not in found and (trap := _trap(shown, limits)) is not None:
         found[Condition.OFF_CENTRE] = (
             f"because the camera seems to sit {_where(trap)}, where such a drive puts any camera"
         )

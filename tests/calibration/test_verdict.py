@@ -72,6 +72,7 @@ BROKEN: list[tuple[Condition, Shown, str]] = [
     (Condition.SOUND, replace(GOOD, covariance=np.full((3, 3), np.nan)), "covariance"),
     (Condition.NEAR, replace(GOOD, rho_m=1.2), "rho = 1.20 m"),
     (Condition.NEAR, replace(GOOD, rho_m=float("nan")), "rho"),
+    (Condition.NEAR, replace(GOOD, rho_m=6e7, phi_rad=1.0), "rho"),
     (Condition.CENTRES, replace(GOOD, centres=(STRAIGHT,)), "only as a sum"),
     (Condition.CENTRES, replace(GOOD, centres=()), "hardly moved"),
     (Condition.OFF_CENTRE, replace(GOOD, centres=(STRAIGHT, CIRCLE), rho_m=0.49, phi_rad=np.pi / 2), "0.50 m radius"),
@@ -111,6 +112,13 @@ def test_into_a_circles_centre_slides_any_fit_but_not_past_two_other_centres() -
     assert unmet(replace(trapped, phi_rad=-np.pi / 2), LIMITS) == {}  # as far on the other side: not its centre
     assert unmet(replace(trapped, rho_m=0.497), LIMITS)  # 3 mm off, sigma 1 mm: just inside
     assert unmet(replace(trapped, rho_m=0.49), LIMITS) == {}
+
+
+def test_of_a_camera_on_the_axis_only_rho_is_claimed() -> None:
+    told = judged(replace(GOOD, centres=(STRAIGHT, CIRCLE), rho_m=0.005))
+    assert states(told) == (State.USABLE, State.CALIBRATED, State.USABLE)
+    assert "on the robot's axis" in told.phi.reason
+    assert states(judged(replace(GOOD, centres=(STRAIGHT, CIRCLE), rho_m=0.05))) == (State.CALIBRATED,) * 3
 
 
 def test_one_circle_alone_claims_nothing_however_sure_the_fit_is() -> None:
