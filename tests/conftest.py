@@ -1,9 +1,14 @@
 """What all tests share."""
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from omnivert.config import Config
+from omnivert.messages import Ticks
+from omnivert.simulation.recording import Drive
 from omnivert.threads import one_thread
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -28,3 +33,26 @@ def shared_data() -> Path:
 def strong_edges_deg() -> tuple[float, ...]:
     """Bearings of windows and shelf in the first photograph of real/vmr, measured by eye."""
     return 35.6, 43.7, 60.4, 92.2, 101.3
+
+
+@pytest.fixture(scope="session")
+def write_bearings() -> Callable[[Path, Drive, Config], None]:
+    """Writes a drive into a new folder, as the logger of a bearing sensor would have written it."""
+
+    def write(folder: Path, drive: Drive, config: Config) -> None:
+        folder.mkdir()
+        meta = {"robot": {"wheel_base_m": config.robot.wheel_base_m}, "bearing_std_rad": 0.003}
+        (folder / "meta.json").write_text(json.dumps(meta))
+        scale = config.encoder.metres_per_tick
+        wheels, bearings = ["t_s,left_m,right_m"], ["t_s,track_id,bearing_rad"]
+        for message in drive.messages:
+            at = f"{message.stamp_ns / 1e9:.9f}"
+            if isinstance(message, Ticks):
+                wheels.append(f"{at},{message.left * scale:.7f},{message.right * scale:.7f}")
+            else:
+                pairs = zip(message.track_id.tolist(), message.bearing_rad.tolist(), strict=True)
+                bearings += [f"{at},{track},{beta!r}" for track, beta in pairs]
+        (folder / "wheels.csv").write_text("\n".join(wheels))
+        (folder / "bearings.csv").write_text("\n".join(bearings))
+
+    return write

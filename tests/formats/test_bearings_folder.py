@@ -172,24 +172,6 @@ MOUNT = (-0.34, 0.23, 0.33)
 RIG = with_rig(Config(), {"encoder": METRE_WHEEL}, "test")
 
 
-def write_drive(folder: Path, drive: Drive, config: Config) -> None:
-    """The drive as a logger would have written it."""
-    folder.mkdir()
-    meta = {"robot": {"wheel_base_m": config.robot.wheel_base_m}, "bearing_std_rad": 0.003}
-    (folder / "meta.json").write_text(json.dumps(meta))
-    scale = config.encoder.metres_per_tick
-    wheels, bearings = ["t_s,left_m,right_m"], ["t_s,track_id,bearing_rad"]
-    for message in drive.messages:
-        at = f"{message.stamp_ns / 1e9:.9f}"
-        if isinstance(message, Ticks):
-            wheels.append(f"{at},{message.left * scale:.7f},{message.right * scale:.7f}")
-        else:
-            pairs = zip(message.track_id.tolist(), message.bearing_rad.tolist(), strict=True)
-            bearings += [f"{at},{track},{beta!r}" for track, beta in pairs]
-    (folder / "wheels.csv").write_text("\n".join(wheels))
-    (folder / "bearings.csv").write_text("\n".join(bearings))
-
-
 def directly(drive: Sequence[Message], config: Config) -> Estimate:
     calibrator, last = Calibrator(config), None
     for message in drive:
@@ -207,9 +189,11 @@ def of_recording(recording: Recording) -> Estimate:
     return [result for result in results if isinstance(result, Estimate)][-1]
 
 
-def test_a_drive_through_a_folder_is_calibrated_as_the_drive_itself(tmp_path: Path) -> None:
+def test_a_drive_through_a_folder_is_calibrated_as_the_drive_itself(
+    tmp_path: Path, write_bearings: Callable[[Path, Drive, Config], None]
+) -> None:
     drive = recorded(Scene(mount=MOUNT, lasting=True, visible=6.0, lines=8, outliers=0.0), RIG, 11)
-    write_drive(tmp_path / "drive", drive, RIG)
+    write_bearings(tmp_path / "drive", drive, RIG)
     there, here = of_recording(imported(tmp_path / "drive")), directly(drive.messages, RIG)
     assert there.mount is not None
     assert here.mount is not None
