@@ -1,5 +1,6 @@
 """Start and smoother over the drive so far: which mount, how sure, how clear, and what of the way has shown it."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,14 +8,17 @@ from numpy.typing import NDArray
 
 from omnivert.angles import wrap
 from omnivert.calibration import corrections, model, wiring
+from omnivert.calibration.manoeuvre import Lines, Manoeuvre, Outlook, best_manoeuvre
 from omnivert.calibration.nominal import nominal_information
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.observability import (
     Piece,
+    Seen,
     centres,
     covariance_from_information,
     larger,
     pieces,
+    seen,
 )
 from omnivert.calibration.problem import GLOBALS, Prior, Problem, with_frames
 from omnivert.calibration.smoother import Search, Solution, joint, marginal
@@ -26,6 +30,8 @@ from omnivert.odometry import Samples
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+HELD_RHO = 0.2  # m, where the camera is held while no place of it is better than another
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +49,7 @@ class Result:
     seed: tuple[Array, Array, tuple[int, ...]]  # lines (N, 2) as (1/D, theta), joint covariance with mount, tracks
     corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
     told: tuple[Correction, ...]  # the same for people
+    todo: Manoeuvre  # what to drive next, to know more
 
     @property
     def honest_covariance(self) -> Array:
@@ -66,6 +73,7 @@ class Outcome:
 
     result: Result | None  # None while there is no single clear solution
     centres: tuple[Piece, ...]  # clearly different centres of rotation so far, as the wheels tell
+    seen: Seen | None  # what the drive shows, also where it shows no single mount; None: no line was seen
     share: float  # of the bearings that the best solution explains, clear or not
     wrong: str  # what is wired wrongly, as far as the drive tells
     keyframes: int
@@ -100,6 +108,7 @@ class Batch:
         self._keyframes = 0  # since the beginning
         self._share = 1.0
         self._wrong = ""
+        self._seen: Seen | None = None
 
     def append(self, key: Keyed) -> None:
         self._stretch.append(key.stamp_s, key.wheels, key.track, key.beta, key.std)
@@ -114,12 +123,15 @@ class Batch:
     def solve(self) -> Outcome:
         """The best mount for all keyframes, if there is a single clear one."""
         result = self._solved()
-        return Outcome(result, self._all_centres(), self._share, self._wrong, self._keyframes)
+        return Outcome(result, self._all_centres(), self._seen, self._share, self._wrong, self._keyframes)
 
     def _solved(self) -> Result | None:
         posed = self._posed()
         problem = posed.problem
         if problem.lines < 1 or problem.frames < 8 or problem.beta.size < 3 * problem.lines:
+            return None
+        if len(self._all_centres()) < 2:
+            self._glimpse(problem)
             return None
         search = Search(problem)
         try:
@@ -161,7 +173,7 @@ class Batch:
         kinds = len(self._all_centres())
         doubtful = found is None or self._gap < settings.clear_gap or not self._explains(found)
         growth = problem.frames / max(self._searched, 1)
-        due = growth >= (1.5 if kinds < 2 else 1.15 if doubtful else 1.35)  # one kind of motion has no clear solution
+        due = growth >= (1.15 if doubtful else 1.35)
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
         if due or kinds != self._searched_kinds:
             self._searched, self._searched_kinds = problem.frames, kinds
@@ -172,6 +184,31 @@ class Batch:
                 self._gap = start.gap
             self._wrong = self._suspicion(problem, found)
         return found
+
+    def _glimpse(self, problem: Problem) -> None:
+        """What a drive about one centre of rotation shows.
+
+        No place of the camera is better than another, and a free one slides into the centre; so one is held.
+        """
+        settings = self._config.calibration
+        if problem.frames < 1.5 * self._searched:
+            return
+        self._searched = problem.frames
+        start = started(problem, settings.max_rho_m, 1, settings.start_lines, np.array([HELD_RHO, 0.0]))
+        if start is not None:
+            with suppress(ArithmeticError):
+                shown, _ = nominal_information(problem, start.solution)
+                self._see(shown, start.solution)
+
+    def _see(self, shown: Array, solution: Solution) -> None:
+        settings = self._config.calibration
+        self._seen = seen(
+            marginal(shown + self._prior_shown, self._free),
+            solution.x.mount,
+            self._all_centres(),
+            np.deg2rad(settings.sigma_limit_deg),
+            settings.sigma_limit_m,
+        )
 
     def _explains(self, solution: Solution) -> bool:
         """Whether enough of the bearings agree; of a few bearings, a few more than usual may be wrong by chance."""
@@ -205,15 +242,19 @@ class Batch:
 
     def _result(self, search: Search, posed: Posed, solution: Solution) -> Result | None:
         settings = self._config.calibration
+        shown, found = nominal_information(search.problem, solution)
+        self._see(shown, solution)
         mount, slope = model.polar_from_cartesian(solution.x.mount)
         if self._gap < settings.clear_gap or not self._explains(solution) or mount[1] > settings.max_rho_m:
             return None
         problem = posed.problem
-        shown, found = nominal_information(problem, solution)
         shown = marginal(shown + self._prior_shown, self._free)
         information, _ = search.opened(solution)
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
         at = solution.x.corrections
+        seed = self._seed(posed, solution)
+        limit = np.array([np.deg2rad(settings.sigma_limit_deg), settings.sigma_limit_m, 0.0])
+        limit[2] = limit[0]
         return Result(
             mount,
             covariance,
@@ -223,9 +264,10 @@ class Batch:
             tuple(centres(self._prior_centres + found)),
             problem.lines,
             self._halves(problem, solution),
-            self._seed(posed, solution),
+            seed,
             at.copy(),
             corrections.told(self._config, self._free, at, corrections.stds(information)),
+            best_manoeuvre(mount, shown, _in_sight(seed), self._outlook(problem), limit),
         )
 
     def _halves(self, problem: Problem, solution: Solution) -> float:
@@ -249,6 +291,10 @@ class Batch:
         off = found[0][0] - found[1][0]
         off[0] = wrap(float(off[0]))
         return float(off @ np.linalg.solve(found[0][1] + found[1][1], off))
+
+    def _outlook(self, problem: Problem) -> Outlook:
+        robot, encoder = self._config.robot, self._config.encoder
+        return Outlook(robot.wheel_base_m, encoder.noise_k_m, float(np.median(problem.std)))
 
     def _seed(self, posed: Posed, solution: Solution) -> tuple[Array, Array, tuple[int, ...]]:
         """The lines seen in the last keyframe, as the filter holds them, with the joint covariance."""
@@ -307,6 +353,13 @@ class Batch:
         self._stretch.drop_first(count)
         self._centres = None
         self._searched = len(rest)
+
+
+def _in_sight(seed: tuple[Array, Array, tuple[int, ...]]) -> Lines:
+    """The lines of a seed."""
+    place, covariance, _ = seed
+    n = place.shape[0]
+    return Lines(place[:, 0], place[:, 1], np.sqrt(np.diag(covariance)[: 2 * n : 2]))
 
 
 def _from_origin(x: Unknowns) -> Unknowns:

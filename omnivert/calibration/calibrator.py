@@ -248,15 +248,22 @@ class Calibrator:
         if result is None or len(result.centres) < 2 or not self._is_shown(result.honest_covariance):
             return {}
         covariance = 0.5 * (result.honest_covariance + result.honest_covariance.T)
-        off = np.zeros(3) if mount is None else mount - result.mount
-        off[[0, 2]] = wrap(off[[0, 2]])
         phi, rho, psi = result.mount.tolist()
         return {
             "smoother": Mount(phi, rho, psi, covariance),
-            "disagreement": float(np.sqrt(np.maximum(off @ np.linalg.solve(covariance, off), 0.0))),
+            "disagreement": 0.0 if mount is None else self._disagreement(mount),
             "bound_std": np.sqrt(np.diag(result.covariance)),
             "corrections": result.told,
         }
+
+    def _disagreement(self, mount: Array) -> float:
+        """Of filter and smoother, in sigmas."""
+        result = self._smoothing.result
+        if result is None or self._stored is not None:
+            return 0.0
+        off = mount - result.mount
+        off[[0, 2]] = wrap(off[[0, 2]])
+        return float(np.sqrt(max(0.0, float(off @ np.linalg.solve(result.honest_covariance, off)))))
 
     def _claim(self, estimate: Estimate, mount: Mount) -> Extrinsics:
         self._claimed = np.sqrt(np.diag(mount.covariance))
@@ -306,6 +313,11 @@ class Calibrator:
             disagreement=0.0 if result is None or self._stored is not None else result.disagreement,
             sum_rad=None if result is None else result.sum_sigma(),
             restored=self._stored is not None,
+            filter_off=0.0 if mount is None else self._disagreement(mount),
+            seen=outcome.seen,
+            todo=None if result is None else result.todo,
+            gap=np.inf if result is None or self._stored is not None else result.gap,
+            phi_rad=None if mount is None else float(mount[0]),
         )
         return verdict(shown, self._config.calibration, self._state)
 

@@ -24,7 +24,7 @@ class Smoothing:
     """Feeds a batch and asks it to solve. `outcome` changes only when `finished` is called."""
 
     def __init__(self, batch: Batch, background: Background[Outcome]) -> None:
-        self.outcome = Outcome(None, (), 1.0, "", 0)
+        self.outcome = Outcome(None, (), None, 1.0, "", 0)
         self._batch = batch
         self._background = background
         self._under_way: Job[Outcome] | None = None

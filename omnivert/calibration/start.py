@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnivert.angles import TURN, wrap
 from omnivert.calibration.normal import Unknowns
-from omnivert.calibration.problem import Index, Problem, dead_reckoned, with_lines
+from omnivert.calibration.problem import GLOBALS, Index, Problem, dead_reckoned, with_lines
 from omnivert.calibration.smoother import Search, Solution
 from omnivert.calibration.triangulation import anchors, triangulated
 from omnivert.compiled import compiled
@@ -34,12 +34,16 @@ class Start:
     gap: float  # -2 log likelihood by which the next best, different solution is worse; inf when there is none
 
 
-def started(problem: Problem, max_rho: float, starts: int, lines: int) -> Start | None:
+def started(problem: Problem, max_rho: float, starts: int, lines: int, place: Array | None = None) -> Start | None:
     """The best mount for a whole stretch, from nothing; None when no start leads anywhere.
 
     starts  values of eta that are followed up
     lines   at most this many for the rough part, those seen most often
+    place   (2,)  m, where the camera is held on the robot; None: anywhere
     """
+    if place is not None:
+        free = problem.prior.free & ~np.isin(np.arange(GLOBALS), (1, 2))
+        problem = replace(problem, prior=replace(problem.prior, free=free))
     corrections = problem.held
     moved = problem.increments(corrections)
     pose = dead_reckoned(moved.step)
@@ -53,7 +57,7 @@ def started(problem: Problem, max_rho: float, starts: int, lines: int) -> Start 
     search = Search(rough)
     warm = [
         search.annealed(unknowns(rough, pose, np.concatenate([mount, corrections])), STAGES[:half], 4, STAGES[half])
-        for mount in candidates(rough, pose, max_rho, starts)
+        for mount in candidates(rough, pose, max_rho, starts, place)
     ]
     warm.sort(key=lambda s: s.score)
     found = [search.annealed(s.x, STAGES[half:], 4) for s in warm[:FINALISTS]]
@@ -86,13 +90,21 @@ def unknowns(problem: Problem, pose: Array, shared: Array) -> Unknowns:
     return Unknowns(pose, shared.copy(), anchor, u, w)
 
 
-def candidates(problem: Problem, pose: Array, max_rho: float, count: int) -> list[Array]:
+def candidates(problem: Problem, pose: Array, max_rho: float, count: int, held: Array | None = None) -> list[Array]:
     """The best mounts (eta, cx, cy) of the scan over eta, best first."""
     half: Array = np.linspace(0.0, 0.5 * TURN, ETAS // 2, endpoint=False)
     # The equation does not tell a sight from its opposite: eta and eta + pi share a solution, the score decides.
     eta = wrap(np.concatenate([half, half + np.pi]))
     place, toward, away = _scan(
-        problem.frame, problem.line, problem.lines, problem.beta, pose, half, max_rho, LINEAR_ROUNDS
+        problem.frame,
+        problem.line,
+        problem.lines,
+        problem.beta,
+        pose,
+        half,
+        max_rho,
+        LINEAR_ROUNDS,
+        np.full(2, np.nan) if held is None else held,
     )
     score = np.concatenate([toward, away])
     lowest = (score <= np.roll(score, 1)) & (score <= np.roll(score, -1))
@@ -115,10 +127,19 @@ def _split(problem: Problem, stretch: Index) -> Problem:
 
 @compiled
 def _scan(
-    frame: Index, line: Index, lines: int, beta: Array, pose: Array, etas: Array, max_rho: float, rounds: int
+    frame: Index,
+    line: Index,
+    lines: int,
+    beta: Array,
+    pose: Array,
+    etas: Array,
+    max_rho: float,
+    rounds: int,
+    held: Array,
 ) -> tuple[Array, Array, Array]:
     """For each eta the camera's place on the robot that fits best, the lines free; robust by reweighting.
 
+    held     (2,) m, the camera's place where it is given; else not a number
     returns  place (E, 2) m, then how badly the sights miss the lines' places if they look there, and if they look away
     """
     count = beta.size
@@ -175,6 +196,8 @@ def _scan(
                 own[k, 3], own[k, 4], own[k, 5] = y0, y1, yt
             det = m00 * m11 - m01 * m01
             px, py = (m11 * v0 - m01 * v1) / det, (m00 * v1 - m01 * v0) / det
+            if not np.isnan(held[0]):
+                px, py = held[0], held[1]
             for k in range(lines):
                 spot[k, 0] = own[k, 0] * px + own[k, 1] * py + own[k, 2]
                 spot[k, 1] = own[k, 3] * px + own[k, 4] * py + own[k, 5]

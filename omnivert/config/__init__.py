@@ -3,10 +3,11 @@
 A table that is left out takes its defaults; an unknown key, a wrong type or a number out of range is refused.
 """
 
+from omnivert.config.calibration import Calibration
 from omnivert.config.loading import load, parsed, with_rig
+from omnivert.config.section import Section
 from omnivert.config.settings import (
     Bus,
-    Calibration,
     Camera,
     Config,
     Dissimilarity,
@@ -14,7 +15,6 @@ from omnivert.config.settings import (
     MirrorRing,
     Player,
     Robot,
-    Section,
     Storage,
     Timeline,
     Vision,

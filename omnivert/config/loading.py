@@ -10,7 +10,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from omnivert.config.settings import Config, Section
+from omnivert.config.section import Section
+from omnivert.config.settings import Config
 from omnivert.errors import UseError
 
 _LONGEST = 60  # characters of a value in a message

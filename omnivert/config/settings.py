@@ -9,14 +9,15 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     Strict,
     StringConstraints,
     model_validator,
 )
+
+from omnivert.config.calibration import Calibration
+from omnivert.config.section import Section
 
 Id = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$")]  # one chunk of a key
 
@@ -36,15 +37,6 @@ def _whole(value: object) -> object:
 Dissimilarity = Literal["l1", "l2", "linf", "jeffrey", "chi-square", "bhattacharyya", "quadratic", "ssd", "zncc"]
 EndPoint = Annotated[str, AfterValidator(_end_point)]
 Sign = Annotated[Literal[1, -1], BeforeValidator(_whole)]  # to Python, and so to a Literal, true and 1.0 are 1
-
-
-class Section(BaseModel):
-    model_config = ConfigDict(
-        strict=True, frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False
-    )
-
-    PAPER: ClassVar[Mapping[str, float]] = {}
-    """What settings that are not given take with `mode = "paper"`."""
 
 
 class Robot(Section):
@@ -158,7 +150,12 @@ class Bus(Section):
 class Vision(Section):
     """Vertical lines, descriptor, matching, tracks (II-IV, IX-A). `mode = "paper"` takes the paper's values."""
 
-    PAPER = {"edge_tolerance_deg": 5.0, "min_length": 0.5, "bearing_std_deg": 0.04, "edge_min_magnitude": 30.0}
+    PAPER: ClassVar[Mapping[str, float]] = {
+        "edge_tolerance_deg": 5.0,
+        "min_length": 0.5,
+        "bearing_std_deg": 0.04,
+        "edge_min_magnitude": 30.0,
+    }
 
     mode: Literal["default", "paper"] = "default"
     ring_search_px: float = Field(20.0, ge=1.0, le=500.0)
@@ -204,68 +201,6 @@ class Vision(Section):
         if isinstance(given, dict) and given.get("mode") == "paper":
             return {**cls.PAPER, **given}
         return given
-
-
-class Calibration(Section):
-    """Odometry and bearings -> mount (VII-VIII)."""
-
-    mode: Literal["default", "paper"] = "default"
-    """paper: the filter as printed (state D, eq. 26, 5 K, started from `start_*`); default: global start, 1/D, arcs."""
-    start_phi_rad: float = Field(0.0, ge=-3.15, le=3.15)
-    """Measured by hand; used in paper mode only, as are the next two (IX-B)."""
-    start_rho_m: float = Field(0.2, ge=0.0, le=5.0)
-    start_psi_rad: float = Field(0.0, ge=-3.15, le=3.15)
-    max_rho_m: float = Field(1.0, gt=0.0, le=10.0)
-    """A camera farther than this from the robot's origin is no solution."""
-    sigma_limit_deg: float = Field(2.0, gt=0.0, le=45.0)
-    """phi and psi are calibrated when their sigma is below this."""
-    sigma_limit_m: float = Field(0.010, gt=0.0, le=1.0)
-    """rho is calibrated when its sigma is below this."""
-    bearing_floor_deg: float = Field(0.05, gt=0.0, le=10.0)
-    """No bearing is believed to be better than this."""
-    invalid_inliers: float = Field(0.7, ge=0.0, le=1.0)
-    """When the best solution explains less than this share of the bearings, data and model contradict each other."""
-    keyframe_step_m: float = Field(0.015, gt=0.0, le=10.0)
-    """Bearings count again after this way, or after `keyframe_turn_deg`: a robot that stands learns nothing new."""
-    keyframe_turn_deg: float = Field(1.0, gt=0.0, le=90.0)
-    window_keyframes: int = Field(600, ge=40, le=5000)
-    """Keyframes that are solved together; then the older half becomes a prior of the rest."""
-    window_lines: int = Field(200, ge=10, le=5000)
-    """Lines of a window, those seen most often."""
-    start_etas: int = Field(4, ge=1, le=60)
-    """Directions of the camera, phi + psi, that the global start follows up."""
-    start_lines: int = Field(60, ge=5, le=5000)
-    """Lines used for it, those seen most often."""
-    max_disagreement: float = Field(25.0, gt=0.0, le=1e6)
-    """Chi-square of 3 degrees of freedom by which the two halves of a drive may differ for a claim."""
-    clear_gap: float = Field(25.0, ge=0.0, le=1e6)
-    """A solution is clear when any different one is worse by this in -2 log likelihood."""
-    clear_inliers: float = Field(0.9, gt=0.0, le=1.0)
-    """A solution is clear when this share of the bearings agrees with it."""
-    time_offset: Literal["auto", "free", "held"] = "auto"
-    """How late the camera's stamps are against the wheels': freed when the drive shows it, always, or never."""
-    wheel_ratio: Literal["auto", "free", "held"] = "auto"
-    """Right wheel's diameter : left wheel's, against what is configured (1)."""
-    wheel_base: Literal["auto", "free", "held"] = "auto"
-    """Wheel base, in the unit of the wheels' way: bearings alone do not show the common scale of both wheels."""
-    free_time_s: float = Field(0.010, gt=0.0, le=1.0)
-    """The time offset is freed when its sigma is below this, or when it is 4 sigma from nothing."""
-    free_ratio: float = Field(0.005, gt=0.0, le=1.0)
-    """The same of the wheel ratio."""
-    free_base: float = Field(0.005, gt=0.0, le=1.0)
-    """The same of the base, as a share of the configured one."""
-    max_filter_off: float = Field(4.0, gt=0.0, le=1e6)
-    """Sigmas by which filter and smoother may differ for a claim."""
-    hold_limits: float = Field(1.25, ge=1.0, le=10.0)
-    """A claim once made holds until a sigma is this many times its limit: so that it does not flicker."""
-    usable_limits: float = Field(5.0, ge=1.0, le=1000.0)
-    """A parameter is usable when its sigma is at most this many times its limit."""
-    lean_limits: float = Field(2.5, ge=1.0, le=1000.0)
-    """No parameter is calibrated while the sigma of another is more than this many times its limit."""
-    apart_sigmas: float = Field(3.0, gt=0.0, le=100.0)
-    """How far the camera must be from the axis, or from the centre of a circle, to be told from one that sits there."""
-    resume: bool = True
-    """Take up the stored extrinsics at the start, when robot, camera and configuration match."""
 
 
 class Timeline(Section):
