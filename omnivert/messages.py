@@ -157,8 +157,8 @@ class ParameterVerdict:
 class Correction:
     """What the drive shows of the clocks and the wheels, beside the mount."""
 
-    name: Name  # time_offset, wheel_ratio or wheel_base
-    value: Annotated[float, Within(-1e6, 1e6)]  # s (camera stamps late: > 0); right / left; m
+    name: Name  # time_offset, wheel_ratio, wheel_base, noise_k, bearing_noise
+    value: Annotated[float, Within(-1e6, 1e6)]  # s (camera stamps late: > 0); right / left; m; m; multiple of std_rad
     std: Annotated[float, Within(0.0, 1e6)]
     freed: bool  # estimated from this drive; else held at what is configured
     reason: Text = ""  # why it is held

@@ -147,11 +147,16 @@ class Odometer:
         left = np.interp((inside - first_ns) / SECOND, since, [k[3] for k in part])
         return Samples(inside / SECOND, right, left)
 
-    def motion(self, samples: Samples, wheel_ratio: float = 1.0, base: float = 1.0) -> Motion:
-        """The motion that these samples tell, with the true ratio of the wheels and the true base / configured."""
+    def motion(self, samples: Samples, wheel_ratio: float = 1.0, base: float = 1.0, noise: float = 1.0) -> Motion:
+        """The motion that these samples tell; true ratio of the wheels, base and K in units of those configured."""
         encoder = self._encoder
         wheels = Wheels(
-            samples.time_s, samples.right_m, samples.left_m, self._base, encoder.noise_k_m, encoder.metres_per_tick
+            samples.time_s,
+            samples.right_m,
+            samples.left_m,
+            self._base,
+            noise * encoder.noise_k_m,
+            encoder.metres_per_tick,
         )
         ends = samples.time_s[[0, -1]]
         moved = increments(wheels, ends, _WHOLE, np.array([0.0, wheel_ratio - 1.0, base - 1.0]))

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration import corrections, model, wiring
+from omnivert.calibration import corrections, model, noise, wiring
 from omnivert.calibration.manoeuvre import Lines, Manoeuvre, Outlook, best_manoeuvre
+from omnivert.calibration.noise import Component, Noise
 from omnivert.calibration.nominal import nominal_information
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.observability import (
@@ -49,6 +50,8 @@ class Result:
     seed: tuple[Array, Array, tuple[int, ...]]  # lines (N, 2) as (1/D, theta), joint covariance with mount, tracks
     corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
     told: tuple[Correction, ...]  # the same for people
+    residuals: tuple[Component, Component]  # of the wheels, of the bearings
+    noise: Noise  # used
     todo: Manoeuvre  # what to drive next, to know more
 
     @property
@@ -109,6 +112,7 @@ class Batch:
         self._share = 1.0
         self._wrong = ""
         self._seen: Seen | None = None
+        self._noise = Noise()
 
     def append(self, key: Keyed) -> None:
         self._stretch.append(key.stamp_s, key.wheels, key.track, key.beta, key.std)
@@ -142,6 +146,8 @@ class Batch:
             self._share = solution.inlier_share
             self._shared = solution.x.shared.copy()
             result = self._result(search, posed, solution)
+            if result is not None and self._config.calibration.noise == "auto":
+                self._noise = noise.updated(self._noise, *result.residuals)
             self._stretch.remember(posed, solution, clear=result is not None)
             if problem.frames >= self._config.calibration.window_keyframes:
                 self._cut(problem.frames // 2)
@@ -155,13 +161,14 @@ class Batch:
             encoder = self._config.encoder
             ways = [k.wheels for k in self._stretch.keyframes[1:]]
             wheels = np.array([(0.0, 0.0) if w is None else w.moved_m for w in ways]).reshape(-1, 2)
-            found = pieces(wheels, self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick)
+            k = self._noise.wheels * encoder.noise_k_m
+            found = pieces(wheels, self._config.robot.wheel_base_m, k, encoder.metres_per_tick)
             self._centres = tuple(centres(self._prior_centres + found))
         return self._centres
 
     def _posed(self) -> Posed:
         prior = replace(self._prior, free=np.concatenate([np.ones(3, dtype=np.bool_), self._free]))
-        return self._stretch.posed(prior, self._config.calibration.window_lines, 4)
+        return self._stretch.posed(prior, self._config.calibration.window_lines, 4, self._noise)
 
     def _solution(self, search: Search, posed: Posed) -> Solution | None:
         settings = self._config.calibration
@@ -253,6 +260,7 @@ class Batch:
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
         at = solution.x.corrections
         seed = self._seed(posed, solution)
+        residuals = noise.components(search, solution)
         limit = np.array([np.deg2rad(settings.sigma_limit_deg), settings.sigma_limit_m, 0.0])
         limit[2] = limit[0]
         return Result(
@@ -266,7 +274,10 @@ class Batch:
             self._halves(problem, solution),
             seed,
             at.copy(),
-            corrections.told(self._config, self._free, at, corrections.stds(information)),
+            corrections.told(self._config, self._free, at, corrections.stds(information))
+            + noise.told(self._noise, residuals, self._config.encoder.noise_k_m),
+            residuals,
+            self._noise,
             best_manoeuvre(mount, shown, _in_sight(seed), self._outlook(problem), limit),
         )
 
@@ -294,7 +305,7 @@ class Batch:
 
     def _outlook(self, problem: Problem) -> Outlook:
         robot, encoder = self._config.robot, self._config.encoder
-        return Outlook(robot.wheel_base_m, encoder.noise_k_m, float(np.median(problem.std)))
+        return Outlook(robot.wheel_base_m, self._noise.wheels * encoder.noise_k_m, float(np.median(problem.std)))
 
     def _seed(self, posed: Posed, solution: Solution) -> tuple[Array, Array, tuple[int, ...]]:
         """The lines seen in the last keyframe, as the filter holds them, with the joint covariance."""

@@ -1,6 +1,7 @@
 """The one step message -> estimate: holds frames until the wheels cover them, then filter, batch and verdict."""
 
 from collections import Counter, deque
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import omnivert
 from omnivert.angles import wrap
 from omnivert.calibration.batch import Batch, Keyed, Outcome, Result
 from omnivert.calibration.ekf import Filter, Rules, rules_of_the_paper
+from omnivert.calibration.noise import Noise
 from omnivert.calibration.observability import larger
 from omnivert.calibration.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
@@ -47,6 +49,7 @@ class Calibrator:
         self._way_since_key = (0.0, 0.0)  # m, rad
         self._has_key = False
         self._corrections = np.zeros(3)  # time offset (s), wheel ratio - 1, base / configured - 1
+        self._noise = Noise()
         self._frames = 0
         self._driven_m = 0.0
         self._turned_rad = 0.0
@@ -163,7 +166,7 @@ class Calibrator:
             return nothing()
         if self._has_key:
             self._since_key = told if self._since_key is None else self._since_key + told
-        return self._odometer.motion(told if motion is None else motion, 1.0 + ratio, 1.0 + base)
+        return self._odometer.motion(told if motion is None else motion, 1.0 + ratio, 1.0 + base, self._noise.wheels)
 
     def _is_keyframe(self) -> bool:
         if not self._has_key or self._paper:
@@ -173,7 +176,7 @@ class Calibrator:
         return way >= settings.keyframe_step_m or turn >= np.deg2rad(settings.keyframe_turn_deg)
 
     def _see(self, sighting: Sighting, reasons: list[str]) -> None:
-        if not self._pulse.update(sighting):
+        if not self._pulse.update(replace(sighting, std=np.sqrt(self._noise.bearings) * sighting.std)):
             self._refused["filter: covariance lost its definiteness"] += 1
             reasons.append("the filter lost its footing and starts anew")
         if self._paper:
@@ -209,7 +212,7 @@ class Calibrator:
             self._stored = None
         if np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
             self._pulse.seed(result)
-            self._corrections = result.corrections
+            self._corrections, self._noise = result.corrections, result.noise
 
     def _told(self, stamp_ns: int, reasons: list[str]) -> list[Estimate | Extrinsics]:
         mount, covariance = self._mount()

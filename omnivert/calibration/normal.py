@@ -210,6 +210,66 @@ def cost(problem: Problem, x: Unknowns, moved: Increments, information: Array) -
 
 
 @compiled
+def bearing_slope(
+    pose: Array,
+    shared: Array,
+    anchor: Array,
+    u: float,
+    w: float,
+    at_pose: int,
+    at_line: int,
+    at_shared: int,
+    row: Index,
+    slope: Array,
+) -> None:
+    """Slope (8,) of a predicted bearing by pose, line (u, w) and mount, and the rows (8,) that these stand in."""
+    cx, cy = shared[1], shared[2]
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    lever_x, lever_y = c * cx - s * cy, s * cx + c * cy
+    back_x, back_y = anchor[0] - pose[0] - lever_x, anchor[1] - pose[1] - lever_y
+    cos_u, sin_u = np.cos(u), np.sin(u)
+    x, y = cos_u + w * back_x, sin_u + w * back_y
+    square = max(x * x + y * y, 1e-6)
+    across_x, across_y = -y / square, x / square
+    slope[0], slope[1] = -w * across_x, -w * across_y
+    slope[2] = w * (across_x * lever_y - across_y * lever_x) - 1.0
+    slope[3] = across_y * cos_u - across_x * sin_u
+    slope[4] = across_x * back_x + across_y * back_y
+    slope[5] = -1.0
+    slope[6] = -w * (across_x * c + across_y * s)
+    slope[7] = -w * (-across_x * s + across_y * c)
+    for i in range(3):
+        row[i], row[5 + i] = at_pose + i, at_shared + i
+    row[3], row[4] = at_line, at_line + 1
+
+
+@compiled
+def step_slope(
+    before: Array,
+    behind: Array,
+    by_corrections: Array,
+    free: Flags,
+    at_before: int,
+    at_behind: int,
+    at_shared: int,
+    row: Index,
+    slope: Array,
+) -> None:
+    """Slope (3, 9) of an increment's error by both poses and corrections, and the rows (9,) that these stand in."""
+    c, s = np.cos(before[2]), np.sin(before[2])
+    x, y = behind[0] - before[0], behind[1] - before[1]
+    slope[:] = 0.0
+    slope[0, 0], slope[0, 1], slope[0, 2] = -c, -s, -s * x + c * y
+    slope[1, 0], slope[1, 1], slope[1, 2] = s, -c, -c * x - s * y
+    slope[2, 2], slope[2, 5] = -1.0, 1.0
+    slope[0, 3], slope[0, 4], slope[1, 3], slope[1, 4] = c, s, -s, c
+    for i in range(3):
+        row[i], row[3 + i], row[6 + i] = at_before + i, at_behind + i, at_shared + 3 + i
+        for k in range(3):
+            slope[k, 6 + i] = -by_corrections[k, i] if free[3 + i] else 0.0
+
+
+@compiled
 def _add_bearings(
     at_pose: Index,
     at_line: Index,
@@ -230,29 +290,11 @@ def _add_bearings(
 ) -> None:
     row = np.empty(8, dtype=np.int64)
     slope = np.empty(8)
-    cx, cy = shared[1], shared[2]
     for m in range(error.size):
         if weight[m] <= 0.0:
             continue
         f, k = frame[m], line[m]
-        c, s = np.cos(pose[f, 2]), np.sin(pose[f, 2])
-        lever_x, lever_y = c * cx - s * cy, s * cx + c * cy
-        back_x, back_y = anchor[k, 0] - pose[f, 0] - lever_x, anchor[k, 1] - pose[f, 1] - lever_y
-        cos_u, sin_u = np.cos(u[k]), np.sin(u[k])
-        x, y = cos_u + w[k] * back_x, sin_u + w[k] * back_y
-        square = max(x * x + y * y, 1e-6)
-        across_x, across_y = -y / square, x / square
-        slope[0], slope[1] = -w[k] * across_x, -w[k] * across_y
-        slope[2] = w[k] * (across_x * lever_y - across_y * lever_x) - 1.0
-        slope[3] = across_y * cos_u - across_x * sin_u
-        slope[4] = across_x * back_x + across_y * back_y
-        slope[5] = -1.0
-        slope[6] = -w[k] * (across_x * c + across_y * s)
-        slope[7] = -w[k] * (-across_x * s + across_y * c)
-        for i in range(3):
-            row[i] = at_pose[f] + i
-            row[5 + i] = at_shared + i
-        row[3], row[4] = at_line[k], at_line[k] + 1
+        bearing_slope(pose[f], shared, anchor[k], u[k], w[k], at_pose[f], at_line[k], at_shared, row, slope)
         for i in range(0 if f else 3, 8):
             heavy = weight[m] * slope[i]
             vector[row[i]] += heavy * error[m]
@@ -276,20 +318,10 @@ def _add_steps(
     vector: Array,
 ) -> None:
     row = np.empty(9, dtype=np.int64)
-    slope = np.zeros((3, 9))
+    slope = np.empty((3, 9))
     heavy = np.empty((3, 9))
     for n in range(error.shape[0]):
-        c, s = np.cos(pose[n, 2]), np.sin(pose[n, 2])
-        x, y = pose[n + 1, 0] - pose[n, 0], pose[n + 1, 1] - pose[n, 1]
-        slope[:] = 0.0
-        slope[0, 0], slope[0, 1], slope[0, 2] = -c, -s, -s * x + c * y
-        slope[1, 0], slope[1, 1], slope[1, 2] = s, -c, -c * x - s * y
-        slope[2, 2], slope[2, 5] = -1.0, 1.0
-        slope[0, 3], slope[0, 4], slope[1, 3], slope[1, 4] = c, s, -s, c
-        for i in range(3):
-            row[i], row[3 + i], row[6 + i] = at_pose[n] + i, at_pose[n + 1] + i, at_shared + 3 + i
-            for k in range(3):
-                slope[k, 6 + i] = -by_corrections[n, k, i] if free[3 + i] else 0.0
+        step_slope(pose[n], pose[n + 1], by_corrections[n], free, at_pose[n], at_pose[n + 1], at_shared, row, slope)
         for k in range(3):
             for i in range(9):
                 heavy[k, i] = (

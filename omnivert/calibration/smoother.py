@@ -118,7 +118,7 @@ class Search:
         held = problem.increments(problem.held)
         self._held = None if problem.prior.free[3:].any() else held
         # Covariances hardly change with the corrections; kept, the score of all places compares.
-        self._information = increment_information(held.covariance)
+        self.information = increment_information(held.covariance)
 
     def solved(self, x: Unknowns, std: Array, iterations: int, tolerance: float = 1e-3) -> Solution:
         """Gauss-Newton from x, damped where a step does not help.
@@ -178,7 +178,7 @@ class Search:
     def _lost_frames(self, x: Unknowns) -> NDArray[np.bool_]:
         """Keyframes with most of their bearings rejected (F,)."""
         frame = self.problem.frame
-        weight, _ = mixture(self._errors(x), self.problem.std)
+        weight, _ = mixture(self.bearing_errors(x), self.problem.std)
         count = np.bincount(frame, minlength=self.problem.frames)
         return np.asarray((np.bincount(frame, weight, self.problem.frames) < 0.6 * count) & (count > 1))
 
@@ -198,14 +198,14 @@ class Search:
     def replaced(self, x: Unknowns, std: Array) -> Unknowns:
         """x with the lines placed anew that some of their sights miss, where that is better; x itself when none is."""
         problem, lines = self.problem, x.u.size
-        weight, loss = mixture(self._errors(x), std)
+        weight, loss = mixture(self.bearing_errors(x), std)
         count = np.bincount(problem.line, minlength=lines)
         missed = np.bincount(problem.line, 1.0 - weight, lines)
         lost: Index = np.flatnonzero((missed > 0.7) & (count > 1))
         if not lost.size:
             return x
         u, w = triangulated(problem, x.pose, x.mount, std, x.anchor, x.u, x.w, lost)
-        _, trial_loss = mixture(self._errors(replace(x, u=u, w=w)), std)
+        _, trial_loss = mixture(self.bearing_errors(replace(x, u=u, w=w)), std)
         better = np.bincount(problem.line, trial_loss, lines) < np.bincount(problem.line, loss, lines) - 2.0
         if not better.any():
             return x
@@ -223,29 +223,30 @@ class Search:
             replace(problem, prior=prior),
             layout,
             x,
-            self._errors(x),
+            self.bearing_errors(x),
             solution.weight / problem.std**2,
             moved,
-            self._information,
+            self.information,
             0.0,
         )
         whole = replace(solution, normal=n)
         step = skyline.solved(layout.first, layout.start, whole.factor, n.vector)
         return whole.shared_information, step[layout.shared : layout.shared + GLOBALS]
 
-    def _errors(self, x: Unknowns) -> Array:
+    def bearing_errors(self, x: Unknowns) -> Array:
+        """Measured - predicted (M,) rad."""
         p = self.problem
         return bearing_errors(p.frame, p.line, p.beta, x.pose, x.mount, x.anchor, x.u, x.w)
 
     def _state(self, x: Unknowns, std: Array) -> _State:
-        error = self._errors(x)
+        error = self.bearing_errors(x)
         weight, loss = mixture(error, std)
         moved = self._held or self.problem.increments(x.corrections)
-        return _State(x, error, weight, moved, float(loss.sum()) + cost(self.problem, x, moved, self._information))
+        return _State(x, error, weight, moved, float(loss.sum()) + cost(self.problem, x, moved, self.information))
 
     def _normal(self, at: _State, std: Array, damping: float) -> Normal:
         return normal(
-            self.problem, self._layout, at.x, at.error, at.weight / std**2, at.moved, self._information, damping
+            self.problem, self._layout, at.x, at.error, at.weight / std**2, at.moved, self.information, damping
         )
 
     def _stepped(self, at: _State, std: Array, damping: float) -> Unknowns | None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from omnivert.calibration.noise import Noise
 from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.problem import Prior, Problem, dead_reckoned
 from omnivert.calibration.smoother import Solution
@@ -16,6 +17,7 @@ from omnivert.odometry import Samples
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+AS_TOLD = Noise()
 RUN = 5  # rejected sights in a row that are taken for another line
 
 
@@ -65,7 +67,7 @@ class Stretch:
         line = np.array([self._renamed.get(t, t) for t in track.tolist()], dtype=np.int64)
         self.keyframes.append(Keyframe(stamp_s, wheels, line, track, beta[order], std[order]))
 
-    def posed(self, prior: Prior, most_lines: int, fewest_sights: int) -> Posed:
+    def posed(self, prior: Prior, most_lines: int, fewest_sights: int, noise: Noise = AS_TOLD) -> Posed:
         """The problem of all keyframes, with the lines that are seen often enough."""
         frames = self.keyframes
         name = np.concatenate([k.line for k in frames])
@@ -81,11 +83,11 @@ class Stretch:
         problem = Problem(
             np.array([k.stamp_s for k in frames]),
             np.array([k.wheels is None for k in frames[1:]], dtype=np.bool_),
-            self._wheels(),
+            self._wheels(noise.wheels),
             frame[stays],
             line[stays],
             np.concatenate([k.beta for k in frames])[stays],
-            np.concatenate([k.std for k in frames])[stays],
+            np.sqrt(noise.bearings) * np.concatenate([k.std for k in frames])[stays],
             prior,
         )
         return Posed(problem, names[often])
@@ -137,7 +139,7 @@ class Stretch:
         self._pose = np.column_stack([(known[:, :2] - [x, y]) @ back.T, known[:, 2] - turn])
         self._line = {n: (back @ (a - [x, y]), u - turn, w) for n, (a, u, w) in self._line.items()}
 
-    def _wheels(self) -> Wheels:
+    def _wheels(self, noise: float) -> Wheels:
         """What the encoders told since the first keyframe, without a jump where the way is unknown."""
         encoder = self._config.encoder
         parts = [k.wheels for k in self.keyframes[1:] if k.wheels is not None]
@@ -150,7 +152,7 @@ class Stretch:
             steps = [np.diff(getattr(p, side)) for p in parts]
             ways.append(np.concatenate([[0.0], np.cumsum(np.concatenate(steps))]))
         return Wheels(
-            time, ways[0], ways[1], self._config.robot.wheel_base_m, encoder.noise_k_m, encoder.metres_per_tick
+            time, ways[0], ways[1], self._config.robot.wheel_base_m, noise * encoder.noise_k_m, encoder.metres_per_tick
         )
 
     def _new_name(self) -> int:

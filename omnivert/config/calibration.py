@@ -65,5 +65,7 @@ class Calibration(Section):
     """No parameter is calibrated while the sigma of another is more than this many times its limit."""
     apart_sigmas: float = Field(3.0, gt=0.0, le=100.0)
     """How far the camera must be from the axis, or from the centre of a circle, to be told from one that sits there."""
+    noise: Literal["auto", "held"] = "auto"
+    """K and the bearings' sigmas are replaced where the residuals say clearly that they are others, or never."""
     resume: bool = True
     """Take up the stored extrinsics at the start, when robot, camera and configuration match."""
