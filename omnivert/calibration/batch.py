@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from omnivert.angles import wrap
 from omnivert.calibration import corrections, model, noise, wiring
 from omnivert.calibration.manoeuvre import Lines, Manoeuvre, Outlook, best_manoeuvre
+from omnivert.calibration.marginal import marginal_mean
 from omnivert.calibration.noise import Component, Noise
 from omnivert.calibration.nominal import nominal_information
 from omnivert.calibration.normal import Unknowns
@@ -251,15 +252,16 @@ class Batch:
         settings = self._config.calibration
         shown, found = nominal_information(search.problem, solution)
         self._see(shown, solution)
-        mount, slope = model.polar_from_cartesian(solution.x.mount)
+        x = marginal_mean(search, solution)
+        mount, slope = model.polar_from_cartesian(x.mount)
         if self._gap < settings.clear_gap or not self._explains(solution) or mount[1] > settings.max_rho_m:
             return None
         problem = posed.problem
         shown = marginal(shown + self._prior_shown, self._free)
         information, _ = search.opened(solution)
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
-        at = solution.x.corrections
-        seed = self._seed(posed, solution)
+        at = x.corrections
+        seed = self._seed(posed, solution, x)
         residuals = noise.components(search, solution)
         limit = np.array([np.deg2rad(settings.sigma_limit_deg), settings.sigma_limit_m, 0.0])
         limit[2] = limit[0]
@@ -307,11 +309,10 @@ class Batch:
         robot, encoder = self._config.robot, self._config.encoder
         return Outlook(robot.wheel_base_m, self._noise.wheels * encoder.noise_k_m, float(np.median(problem.std)))
 
-    def _seed(self, posed: Posed, solution: Solution) -> tuple[Array, Array, tuple[int, ...]]:
+    def _seed(self, posed: Posed, solution: Solution, x: Unknowns) -> tuple[Array, Array, tuple[int, ...]]:
         """The lines seen in the last keyframe, as the filter holds them, with the joint covariance."""
         newest = self._stretch.keyframes[-1]
         number = {name: i for i, name in enumerate(posed.names.tolist())}
-        x = solution.x
         tracks, index = [], []
         for name, track in zip(newest.line.tolist(), newest.track.tolist(), strict=True):
             i = number.get(name)
