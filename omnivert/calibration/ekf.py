@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from omnivert.angles import wrap
-from omnivert.calibration import model
+from omnivert.calibration import blocks, model
 from omnivert.odometry import Motion
 
 Array = NDArray[np.float64]
@@ -56,6 +57,17 @@ class Rules:
     range: tuple[float, float] = (0.01, 5.0)  # of the first of a line; outside it leaves
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """The known lines of one update as they came in, before any was rejected."""
+
+    age: Index  # (N,) frames in which the track was seen, this one included
+    nu: Array  # (N,) rad, the innovation
+    precision: Array  # (N, N) S^-1
+    slope: Array  # (N, 3) of the bearing by phi, rho, psi
+    mount: Array  # (3,) phi, rho, psi that the slopes are taken at; rho may be negative
+
+
 @dataclass(frozen=True, slots=True)
 class Innovation:
     """What one update made of its bearings."""
@@ -63,6 +75,7 @@ class Innovation:
     used: int
     new: int
     rejected: int
+    evidence: Evidence | None = None  # None when no line was known
 
 
 class Filter:
@@ -74,6 +87,10 @@ class Filter:
         self.rules = rules
         self.tracks: list[int] = []
         self._unseen: list[int] = []  # updates since the last accepted sight, by line
+        self._updates = 0
+        self._sights: dict[int, tuple[int, int]] = {}  # of each recent track, in the state or not: how many, the last
+        self._is_definite = True
+        self._algebra: ExtendedKalmanFilter | None = None
         self.x = mount.copy()
         self.P = covariance.copy()
 
@@ -99,17 +116,22 @@ class Filter:
 
     @property
     def is_sound(self) -> bool:
-        """Whether state and variances are still numbers that can be."""
-        return bool(np.isfinite(self.x).all() and np.isfinite(self.P).all() and (np.diag(self.P) > 0.0).all())
+        """Whether the state is made of numbers and the covariance is positive definite."""
+        # All of it, by a Cholesky: a tenth of an update. What is not a number fails it, too.
+        return self._is_definite and bool(np.isfinite(self.x).all()) and factor(self.P) is not None
 
     def seed(self, mount: Array, lines: Array, covariance: Array, tracks: list[int]) -> None:
-        """Everything anew: mount (3,), lines (N, 2) as the layout holds them, their joint covariance in its order."""
+        """Everything anew: mount (3,), lines (N, 2) as the layout holds them, their joint covariance in its order.
+
+        How often a track was seen stays known.
+        """
         layout = Layout(len(tracks))
         assert mount.shape == (3,)
         assert lines.shape == (len(tracks), 2)
         assert covariance.shape == (layout.size, layout.size)
         self.tracks = list(tracks)
         self._unseen = [0] * len(tracks)
+        self._is_definite = True
         self.x = np.concatenate([lines.ravel(), mount])
         self.P = covariance.copy()
 
@@ -118,8 +140,8 @@ class Filter:
         layout = self.layout
         if not layout.lines:
             return
-        n = layout.lines
-        distance, heading = self.x[layout.distance], self.x[layout.heading]
+        mount = self.x[layout.mount]
+        distance, heading = self.x[layout.distance].copy(), self.x[layout.heading].copy()
         right, left = motion.wheels_m
         if self.rules.inverse:
             new_distance, new_heading, by_state, by_input = model.moved_exactly(distance, heading, motion.pose)
@@ -129,20 +151,15 @@ class Filter:
                 distance, heading, right, left, self.rules.base_m
             )
             noise = self.rules.noise_k_m * np.diag(np.abs(motion.wheels_m))  # eq. 31
-        f = np.eye(layout.size)
-        blocks = f[: 2 * n, : 2 * n].reshape(n, 2, n, 2)
-        blocks[np.arange(n), :, np.arange(n), :] = by_state
-        g = np.zeros((layout.size, noise.shape[0]))
-        g[: 2 * n] = by_input.reshape(2 * n, noise.shape[0])
-        kalman = self._kalman(0)
-        kalman.F = f
-        kalman.Q = g @ noise @ g.T
+        kalman = self._kalman()
+        kalman.F, kalman.Q = blocks.driven(by_state, by_input, noise)
         kalman.predict()
         assert kalman.P.shape == (layout.size, layout.size)
         self.P = 0.5 * (kalman.P + kalman.P.T)
-        self.x = self.x.copy()
+        self.x = np.empty(layout.size)
         self.x[layout.distance] = new_distance
-        self.x[layout.heading] = wrap(new_heading)
+        self.x[layout.heading] = new_heading
+        self.x[layout.mount] = mount
 
     def update(self, track: Index, beta: Array, std: Array) -> Innovation:
         """All lines seen in a frame: known ones correct the state, new ones enter it, lost ones leave.
@@ -152,69 +169,79 @@ class Filter:
         std    (M,)  rad
         """
         assert track.shape == beta.shape == std.shape
+        names = track.tolist()
+        self._count(names)
         place = {t: k for k, t in enumerate(self.tracks)}
-        known = np.array([k for k, t in enumerate(track.tolist()) if t in place], dtype=np.int64)
-        fresh = [k for k, t in enumerate(track.tolist()) if t not in place]
-        accepted = np.zeros(0, dtype=np.int64)
+        known = np.array([k for k, t in enumerate(names) if t in place], dtype=np.int64)
+        fresh = [k for k, t in enumerate(names) if t not in place]
+        seen: set[int] = set()
+        evidence = None
         if known.size:
-            lines = np.array([place[t] for t in track[known].tolist()], dtype=np.int64)
-            kept = self._correct(lines, beta[known], std[known])
-            accepted = lines[kept]
-        seen = set(accepted.tolist())
+            lines = np.array([place[names[k]] for k in known.tolist()], dtype=np.int64)
+            kept, evidence = self._correct(lines, beta[known], std[known])
+            seen = set(lines[kept].tolist())
         self._unseen = [0 if k in seen else n + 1 for k, n in enumerate(self._unseen)]
         self._leave()
         room = self.rules.most_lines - len(self.tracks) if self.rules.enters else 0
         entering = fresh[: max(room, 0)]
         if entering:
             self._enter(track[entering], beta[entering], std[entering])
-        return Innovation(len(seen), len(fresh), int(known.size) - len(seen))
+        return Innovation(len(seen), len(fresh), int(known.size) - len(seen), evidence)
 
     def forget_lines(self) -> None:
         """Keep only the mount."""
         self._keep([])
 
     def expected(self) -> tuple[Array, Array]:
-        """Predicted bearing of every line (Z,) and its slope by the state (Z, 2 Z + 3)."""
+        """Predicted bearing of every line (Z,) and its slope by the line's own two and by phi, rho, psi (Z, 5)."""
         layout = self.layout
-        n = layout.lines
-        phi, rho, psi = self.x[layout.mount]
-        distance, heading = self.x[layout.distance], self.x[layout.heading]
+        phi, rho, psi = self.x[layout.mount].tolist()
+        distance, heading = self.x[layout.distance].copy(), self.x[layout.heading].copy()
         if self.rules.inverse:
-            beta = model.bearing_inverse(distance, heading, phi, rho, psi)
-            slopes = model.bearing_inverse_slopes(distance, heading, phi, rho)
-        else:
-            beta = model.bearing(distance, heading, phi, rho, psi)
-            slopes = model.bearing_slopes(distance, heading, phi, rho)
-        h = np.zeros((n, layout.size))
-        every = np.arange(n)
-        h[every, 2 * every] = slopes[:, 0]
-        h[every, 2 * every + 1] = slopes[:, 1]
-        h[:, layout.mount] = slopes[:, 2:]
-        return beta, h
+            return (
+                model.bearing_inverse(distance, heading, phi, rho, psi),
+                model.bearing_inverse_slopes(distance, heading, phi, rho),
+            )
+        return model.bearing(distance, heading, phi, rho, psi), model.bearing_slopes(distance, heading, phi, rho)
 
-    def _correct(self, lines: Index, beta: Array, std: Array) -> Index:
-        predicted, h = self.expected()
-        h = h[lines]
-        innovation = wrap(beta - predicted[lines])
-        kept = agreeing(innovation, h @ self.P @ h.T + np.diag(std**2), self.rules.gate)
+    def _count(self, names: list[int]) -> None:
+        """Another sight of each; a track that was not seen for some updates is forgotten."""
+        self._updates += 1
+        for name in names:
+            self._sights[name] = (self._sights.get(name, (0, 0))[0] + 1, self._updates)
+        oldest = self._updates - self.rules.unseen
+        if any(last < oldest for _, last in self._sights.values()):
+            self._sights = {name: seen for name, seen in self._sights.items() if seen[1] >= oldest}
+
+    def _correct(self, lines: Index, beta: Array, std: Array) -> tuple[Index, Evidence | None]:
+        predicted, slopes = self.expected()
+        slopes = slopes[lines]
+        h, spread = blocks.foretold(self.P, slopes, lines, std)
+        innovation = model.wrapped(beta - predicted[lines])
+        precision = inverse(spread)
+        if precision is None:
+            self._is_definite = False
+            return np.zeros(0, dtype=np.int64), None
+        age = np.array([self._sights[self.tracks[k]][0] for k in lines.tolist()], dtype=np.int64)
+        evidence = Evidence(age, innovation, precision, slopes[:, 2:], self.x[self.layout.mount].copy())
+        kept = blocks.agreeing(innovation, precision, self.rules.gate)
         if not kept.size:
-            return kept
-        h, innovation, r = h[kept], innovation[kept], np.diag(std[kept] ** 2)
-        kalman = self._kalman(kept.size)
-        kalman.update(innovation, HJacobian=lambda _: h, Hx=lambda _: np.zeros(kept.size), R=r)
+            return kept, evidence
+        used, r = h[kept], np.diag(std[kept] ** 2)
+        kalman = self._kalman()
+        kalman.update(innovation[kept], HJacobian=lambda _: used, Hx=lambda _: np.zeros(kept.size), R=r)
         assert kalman.x.shape == self.x.shape
         assert kalman.P.shape == self.P.shape
         self.x = kalman.x
-        self.x[self.layout.heading] = wrap(self.x[self.layout.heading])
+        self.x[self.layout.heading] = model.wrapped(self.x[self.layout.heading].copy())
         self.P = 0.5 * (kalman.P + kalman.P.T)
-        return kept
+        return kept, evidence
 
     def _enter(self, track: Index, beta: Array, std: Array) -> None:
         """New lines behind the known ones, correlated with the mount: theta follows from beta, mount and 1/D."""
         rules, old = self.rules, self.layout
-        n = track.size
-        phi, rho, psi = self.x[old.mount]
-        first = np.full(n, rules.start)
+        phi, rho, psi = self.x[old.mount].tolist()
+        first = np.full(track.size, rules.start)
         w = first if rules.inverse else 1.0 / first
         heading = model.heading_from_bearing(beta, w, phi, rho, psi)
         slopes = (
@@ -223,23 +250,13 @@ class Filter:
             else model.bearing_slopes(first, heading, phi, rho)
         )
         # h(first, theta, mount) = beta: what changes one of them changes theta by the others' slopes.
-        by_first = -slopes[:, 0] / slopes[:, 1]
-        by_mount = -slopes[:, 2:] / slopes[:, 1:2]
         by_beta = 1.0 / slopes[:, 1]
-        new = Layout(old.lines + n)
+        by_first, by_mount = -slopes[:, 0] * by_beta, -slopes[:, 2:] * by_beta[:, None]
+        self.P = blocks.entered(self.P, by_first, by_mount, by_beta, rules.start_std, std)
         m = 2 * old.lines
-        carried = np.zeros((new.size, old.size))
-        carried[:m, :m] = np.eye(m)
-        carried[m + 1 : m + 2 * n : 2, old.mount] = by_mount
-        carried[new.mount, old.mount] = np.eye(3)
-        self.P = carried @ self.P @ carried.T
-        for k in range(n):
-            own = np.array([[rules.start_std, 0.0], [by_first[k] * rules.start_std, by_beta[k] * std[k]]])
-            at = slice(m + 2 * k, m + 2 * k + 2)
-            self.P[at, at] += own @ own.T
         self.x = np.concatenate([self.x[:m], np.stack([first, heading], axis=1).ravel(), self.x[old.mount]])
         self.tracks += track.tolist()
-        self._unseen += [0] * n
+        self._unseen += [0] * track.size
 
     def _leave(self) -> None:
         low, high = self.rules.range
@@ -258,25 +275,29 @@ class Filter:
         self.tracks = [self.tracks[k] for k in lines]
         self._unseen = [self._unseen[k] for k in lines]
 
-    def _kalman(self, bearings: int) -> ExtendedKalmanFilter:
-        kalman = ExtendedKalmanFilter(dim_x=self.layout.size, dim_z=bearings)
-        kalman.x = self.x.copy()
-        kalman.P = self.P.copy()
-        return kalman
+    def _kalman(self) -> ExtendedKalmanFilter:
+        """filterpy's filter with this state. One is kept while the size stays: to make it costs as much as its use."""
+        if self._algebra is None or self._algebra.dim_x != self.layout.size:
+            self._algebra = ExtendedKalmanFilter(dim_x=self.layout.size, dim_z=1)  # z and R come with each update
+        self._algebra.x = self.x
+        self._algebra.P = self.P
+        return self._algebra
 
 
-def agreeing(innovation: Array, covariance: Array, gate: float) -> Index:
-    """Which innovations agree with each other: the worst, given all others, goes until none is beyond the gate."""
-    kept = np.arange(innovation.size)
-    while kept.size:
-        inverse = np.linalg.inv(covariance[np.ix_(kept, kept)])
-        # S^-1 nu / sqrt(diag S^-1) is each innovation minus what the others foretell, in its own sigma.
-        odd = np.abs(inverse @ innovation[kept]) / np.sqrt(np.diag(inverse))
-        worst = int(np.argmax(odd))
-        if odd[worst] <= gate:
-            break
-        kept = np.delete(kept, worst)
-    return kept
+def factor(covariance: Array) -> Array | None:
+    """The lower triangular L with L L' = covariance (N, N); None where it is not positive definite. Not a repair."""
+    lower, failed = lapack.dpotrf(covariance, lower=1)
+    # What is not a number anywhere has come to the diagonal.
+    return None if failed or not np.isfinite(lower.trace()) else lower
+
+
+def inverse(covariance: Array) -> Array | None:
+    """The inverse (N, N), symmetric; None where the covariance is not positive definite."""
+    lower = factor(covariance)
+    if lower is None:
+        return None
+    half, failed = lapack.dpotri(lower, lower=1)
+    return None if failed else blocks.mirrored(half.T)
 
 
 def rules_of_the_paper(base_m: float, noise_k_m: float) -> Rules:

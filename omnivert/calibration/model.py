@@ -8,9 +8,26 @@ D (-cos theta, sin theta) in the robot frame. `w` is 1/D.
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.angles import wrap
+from omnivert.angles import TURN, wrap
+from omnivert.compiled import compiled
 
 Array = NDArray[np.float64]
+
+
+@compiled
+def _short_way(angle: float) -> float:
+    """`angles.wrap` for one number in a loop."""
+    turned = angle - TURN * np.rint(angle / TURN)
+    return np.pi if turned <= -np.pi else min(turned, np.pi)
+
+
+@compiled
+def wrapped(angle: Array) -> Array:
+    """`angles.wrap` of many (N,), for a tenth of the time."""
+    turned = np.empty(angle.size)
+    for i in range(angle.size):
+        turned[i] = _short_way(angle[i])
+    return turned
 
 
 def bearing(distance: Array, heading: Array, phi: float, rho: float, psi: float) -> Array:
@@ -34,19 +51,31 @@ def bearing_slopes(distance: Array, heading: Array, phi: float, rho: float) -> A
     return np.stack([-rho * np.sin(a) / q, g - 1.0, g - 1.0, distance * np.sin(a) / q, -np.ones_like(a)], axis=-1)
 
 
+@compiled
 def bearing_inverse(w: Array, heading: Array, phi: float, rho: float, psi: float) -> Array:
     """`bearing` with 1/D in place of D; a line at infinity (w = 0) is the limit of eq. 25."""
-    a = heading + phi
-    return wrap(np.arctan2(-w * rho * np.sin(a), -1.0 - w * rho * np.cos(a)) - heading - phi - psi)
+    beta = np.empty(w.size)
+    for i in range(w.size):
+        a, near = heading[i] + phi, w[i] * rho
+        beta[i] = _short_way(np.arctan2(-near * np.sin(a), -1.0 - near * np.cos(a)) - a - psi)
+    return beta
 
 
+@compiled
 def bearing_inverse_slopes(w: Array, heading: Array, phi: float, rho: float) -> Array:
     """Slope of the bearing by 1/D, theta, phi, rho, psi; (N, 5)."""
-    a = heading + phi
-    cos_a, sin_a = np.cos(a), np.sin(a)
-    q = 1.0 + (w * rho) ** 2 + 2.0 * w * rho * cos_a
-    g = ((w * rho) ** 2 + w * rho * cos_a) / q
-    return np.stack([rho * sin_a / q, g - 1.0, g - 1.0, w * sin_a / q, -np.ones_like(a)], axis=-1)
+    slopes = np.empty((w.size, 5))
+    for i in range(w.size):
+        a, near = heading[i] + phi, w[i] * rho
+        cos_a, sin_a = np.cos(a), np.sin(a)
+        q = 1.0 + near * near + 2.0 * near * cos_a
+        by_heading = (near * near + near * cos_a) / q - 1.0
+        slopes[i, 0] = rho * sin_a / q
+        slopes[i, 1] = by_heading
+        slopes[i, 2] = by_heading
+        slopes[i, 3] = w[i] * sin_a / q
+        slopes[i, 4] = -1.0
+    return slopes
 
 
 def moved_first_order(
@@ -70,9 +99,10 @@ def moved_first_order(
     by_wheel[:, 0, :] = 0.5 * cos_t[:, None]
     by_wheel[:, 1, 0] = 1.0 / base - 0.5 * sin_t / distance
     by_wheel[:, 1, 1] = -1.0 / base - 0.5 * sin_t / distance
-    return distance + way * cos_t, heading + turn - way / distance * sin_t, by_state, by_wheel
+    return distance + way * cos_t, wrap(heading + turn - way / distance * sin_t), by_state, by_wheel
 
 
+@compiled
 def moved_exactly(w: Array, heading: Array, step: Array) -> tuple[Array, Array, Array, Array]:
     """Lines after any motion of the robot, exactly, with slopes.
 
@@ -82,26 +112,26 @@ def moved_exactly(w: Array, heading: Array, step: Array) -> tuple[Array, Array, 
 
     Paper: first order in way / distance (eq. 26). Here: exact, because it costs no more and lines stand close.
     """
-    dx, dy, turn = step
-    cos_t, sin_t = np.cos(heading), np.sin(heading)
-    x, y = -cos_t - w * dx, sin_t - w * dy  # the line in the new place, in units of the old distance
-    r2 = x**2 + y**2
-    r = np.sqrt(r2)
-    by_state = np.empty((w.size, 2, 2))
-    by_step = np.zeros((w.size, 2, 3))
-    # w' = w / r, theta' = pi - (atan2(y, x) - turn)
-    along_w = -(x * dx + y * dy)  # r dr/dw
-    along_t = x * sin_t + y * cos_t  # r dr/dtheta
-    by_state[:, 0, 0] = 1.0 / r - w * along_w / (r2 * r)
-    by_state[:, 0, 1] = -w * along_t / (r2 * r)
-    by_state[:, 1, 0] = -(-x * dy + y * dx) / r2
-    by_state[:, 1, 1] = -(x * cos_t - y * sin_t) / r2
-    by_step[:, 0, 0] = w * w * x / (r2 * r)
-    by_step[:, 0, 1] = w * w * y / (r2 * r)
-    by_step[:, 1, 0] = -w * y / r2
-    by_step[:, 1, 1] = w * x / r2
-    by_step[:, 1, 2] = 1.0
-    return w / r, wrap(np.pi - np.arctan2(y, x) + turn), by_state, by_step
+    dx, dy, turn = step[0], step[1], step[2]
+    new_w, new_heading = np.empty(w.size), np.empty(w.size)
+    by_state, by_step = np.empty((w.size, 2, 2)), np.zeros((w.size, 2, 3))
+    for i in range(w.size):
+        cos_t, sin_t = np.cos(heading[i]), np.sin(heading[i])
+        x, y = -cos_t - w[i] * dx, sin_t - w[i] * dy  # the line in the new place, in units of the old distance
+        r2 = x * x + y * y
+        r = np.sqrt(r2)
+        # w' = w / r, theta' = pi - (atan2(y, x) - turn)
+        new_w[i], new_heading[i] = w[i] / r, _short_way(np.pi - np.arctan2(y, x) + turn)
+        by_state[i, 0, 0] = 1.0 / r + w[i] * (x * dx + y * dy) / (r2 * r)  # 1 / r - w dr/dw / r^2
+        by_state[i, 0, 1] = -w[i] * (x * sin_t + y * cos_t) / (r2 * r)
+        by_state[i, 1, 0] = (x * dy - y * dx) / r2
+        by_state[i, 1, 1] = (y * sin_t - x * cos_t) / r2
+        by_step[i, 0, 0] = w[i] * w[i] * x / (r2 * r)
+        by_step[i, 0, 1] = w[i] * w[i] * y / (r2 * r)
+        by_step[i, 1, 0] = -w[i] * y / r2
+        by_step[i, 1, 1] = w[i] * x / r2
+        by_step[i, 1, 2] = 1.0
+    return new_w, new_heading, by_state, by_step
 
 
 def heading_from_bearing(beta: Array, w: Array, phi: float, rho: float, psi: float) -> Array:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from omnivert.angles import wrap
 from omnivert.calibration import model
-from omnivert.calibration.ekf import Filter, Layout, Rules, agreeing, rules_of_the_paper
+from omnivert.calibration.blocks import agreeing
+from omnivert.calibration.ekf import Filter, Layout, Rules, rules_of_the_paper
 from omnivert.odometry import Motion, after, motion_from_wheels
 
 Array = NDArray[np.float64]
@@ -142,7 +143,13 @@ def test_one_wrong_bearing_is_rejected_and_a_common_error_is_not() -> None:
 def test_agreeing_keeps_what_the_majority_says() -> None:
     covariance = 0.05**2 * np.ones((6, 6)) + 0.003**2 * np.eye(6)
     innovation = np.array([0.1, 0.1, 0.101, 0.099, -0.1, 0.1])
-    assert agreeing(innovation, covariance, 3.5).tolist() == [0, 1, 2, 3, 5]
+    assert agreeing(innovation, np.asarray(np.linalg.inv(covariance), dtype=np.float64), 3.5).tolist() == [
+        0,
+        1,
+        2,
+        3,
+        5,
+    ]
 
 
 def test_an_update_without_lines_changes_nothing_but_their_age() -> None:
@@ -160,3 +167,61 @@ def test_a_negative_rho_is_told_as_the_same_place_with_a_positive_one() -> None:
     place = rho * np.array([np.cos(phi), np.sin(phi)])
     assert place == pytest.approx(-0.1 * np.array([np.cos(0.2), np.sin(0.2)]))
     assert wrap(phi + psi - 0.7) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_lost_definiteness_is_told_and_never_repaired() -> None:
+    kalman, _ = driven(Rules(), 10)
+    assert kalman.is_sound
+    values, vectors = np.linalg.eigh(kalman.P)
+    values[0] = -1e-3 * values[1]  # every variance stays positive
+    kalman.P = vectors @ np.diag(values) @ vectors.T
+    assert (np.diag(kalman.P) > 0.0).all()
+    assert not kalman.is_sound
+    for bad in (np.nan, np.inf):
+        kalman, _ = driven(Rules(), 10)
+        kalman.P[2, 5] = kalman.P[5, 2] = bad
+        assert not kalman.is_sound
+        kalman, _ = driven(Rules(), 10)
+        kalman.x[3] = bad
+        assert not kalman.is_sound
+
+
+def test_bearings_that_cannot_have_their_spread_leave_the_filter_unsound() -> None:
+    kalman, _ = driven(Rules(), 10)
+    names, (predicted, _) = np.array(kalman.tracks), kalman.expected()
+    kalman.P = -kalman.P
+    assert kalman.update(names, predicted, np.full(names.size, STD)).used == 0
+    assert not kalman.is_sound
+    kalman.seed(MOUNT, np.zeros((0, 2)), SPREAD, [])
+    assert kalman.is_sound
+
+
+def test_how_often_a_line_was_seen_outlives_a_new_seed() -> None:
+    kalman, _ = driven(Rules(), 10)
+    names, (predicted, _) = np.array(kalman.tracks), kalman.expected()
+    n = 2 * names.size
+    kalman.seed(kalman.mount, kalman.x[:n].reshape(-1, 2), kalman.P, kalman.tracks[:])
+    told = kalman.update(np.append(names, 99), np.append(predicted, 0.1), np.full(names.size + 1, STD))
+    assert told.evidence is not None
+    assert told.evidence.age.tolist() == [11] * names.size
+    predicted, _ = kalman.expected()
+    told = kalman.update(np.array([99]), predicted[-1:], np.array([STD]))
+    assert told.evidence is not None
+    assert told.evidence.age.tolist() == [2]
+
+
+def test_the_evidence_is_what_the_filter_expected_before_it_was_corrected() -> None:
+    kalman, _ = driven(Rules(), 20)
+    predicted, slopes = kalman.expected()
+    n = len(kalman.tracks)
+    H = np.zeros((n, 2 * n + 3))
+    for i in range(n):
+        H[i, [2 * i, 2 * i + 1, -3, -2, -1]] = slopes[i]
+    S = H @ kalman.P @ H.T + STD**2 * np.eye(n)
+    seen = wrap(predicted + 0.001 * np.arange(n))
+    seen[1] = wrap(seen[1] + 1.0)
+    told = kalman.update(np.array(kalman.tracks), seen, np.full(n, STD)).evidence
+    assert told is not None
+    np.testing.assert_allclose(told.precision @ S, np.eye(n), atol=1e-8)
+    np.testing.assert_allclose(told.nu, wrap(seen - predicted), atol=1e-12)
+    np.testing.assert_array_equal(told.slope, slopes[:, 2:])

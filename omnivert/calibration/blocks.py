@@ -1,0 +1,178 @@
+"""The filter's covariance by blocks, compiled: what dense algebra would do with a hundred times the zeros.
+
+The state is line by line (first, theta), then phi, rho, psi; `ekf.Layout` names its parts.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.compiled import compiled
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@compiled
+def driven(by_state: Array, by_input: Array, noise: Array) -> tuple[Array, Array]:
+    """Slope of the moved state by the state, F, and what spread the motion adds to it, Q.
+
+    by_state  (Z, 2, 2)  of each line's two by themselves
+    by_input  (Z, 2, U)  by the motion
+    noise     (U, U)     of the motion
+    returns   F, Q (2 Z + 3, 2 Z + 3): the mount stays as it is
+    """
+    lines, inputs = by_input.shape[0], noise.shape[0]
+    size = 2 * lines + 3
+    f, q = np.zeros((size, size)), np.zeros((size, size))
+    spread = np.zeros((2 * lines, inputs))
+    for i in range(2 * lines):
+        f[i, i - i % 2] = by_state[i // 2, i % 2, 0]
+        f[i, i - i % 2 + 1] = by_state[i // 2, i % 2, 1]
+        for k in range(inputs):
+            for u in range(inputs):
+                spread[i, k] += by_input[i // 2, i % 2, u] * noise[u, k]
+    for i in range(2 * lines):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(inputs):
+                total += spread[i, k] * by_input[j // 2, j % 2, k]
+            q[i, j] = total
+            q[j, i] = total
+    for i in range(2 * lines, size):
+        f[i, i] = 1.0
+    return f, q
+
+
+@compiled
+def foretold(covariance: Array, slopes: Array, lines: Index, std: Array) -> tuple[Array, Array]:
+    """Slope of some lines' bearings by the whole state, H, and what spread their innovations should have, S.
+
+    covariance  (M, M)  of the state, P
+    slopes      (N, 5)  of the bearings by the line's own two and by phi, rho, psi
+    lines       (N,)    which line of the state each one is
+    std         (N,)    rad
+    returns     H (N, M), S = H P H' + R (N, N)
+    """
+    size, count = covariance.shape[0], lines.size
+    mount = size - 3
+    h, s, hp = np.zeros((count, size)), np.empty((count, count)), np.zeros((count, size))
+    for i in range(count):
+        for k in range(5):
+            column = 2 * lines[i] + k if k < 2 else mount + k - 2
+            slope = slopes[i, k]
+            h[i, column] = slope
+            for j in range(size):
+                hp[i, j] += slope * covariance[column, j]
+    for i in range(count):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(5):
+                column = 2 * lines[j] + k if k < 2 else mount + k - 2
+                total += hp[i, column] * slopes[j, k]
+            s[i, j] = total
+            s[j, i] = total
+        s[i, i] += std[i] ** 2
+    return h, s
+
+
+@compiled
+def mirrored(upper: Array) -> Array:
+    """The symmetric matrix (N, N) that has this upper triangle."""
+    whole = np.empty(upper.shape)
+    for i in range(upper.shape[0]):
+        for j in range(i, upper.shape[0]):
+            whole[i, j] = upper[i, j]
+            whole[j, i] = upper[i, j]
+    return whole
+
+
+@compiled
+def without(precision: Array, k: int) -> None:
+    """The inverse of a covariance, in place, becomes that of the covariance without its row and column k.
+
+    precision  (N, N)  rows and columns that are gone are zero
+
+    The inverse of a part is B - b b' / d, with b the column that goes and d its diagonal: no new inverse is needed.
+    """
+    gone = precision[k].copy()
+    scale = 1.0 / gone[k]
+    for i in range(gone.size):
+        factor = gone[i] * scale
+        if factor != 0.0:
+            for j in range(gone.size):
+                precision[i, j] -= factor * gone[j]
+    precision[k, :] = 0.0
+    precision[:, k] = 0.0
+
+
+@compiled
+def agreeing(innovation: Array, precision: Array, gate: float) -> Index:
+    """Which innovations agree with each other: the worst, given all others, goes until none is beyond the gate.
+
+    innovation  (N,)    rad, nu
+    precision   (N, N)  S^-1
+    gate                sigmas
+    returns     (K,)    indices, rising
+    """
+    left = precision.copy()
+    kept = np.ones(innovation.size, dtype=np.bool_)
+    for _ in range(innovation.size):
+        worst, most = -1, gate
+        for i in range(innovation.size):
+            if kept[i]:
+                total = 0.0
+                for j in range(innovation.size):
+                    total += left[i, j] * innovation[j]
+                # S^-1 nu / sqrt(diag S^-1) is each innovation minus what the others foretell, in its own sigma.
+                odd = abs(total) / np.sqrt(left[i, i])
+                if not odd <= most:
+                    worst, most = i, odd
+        if worst < 0:
+            break
+        kept[worst] = False
+        without(left, worst)
+    return np.flatnonzero(kept)
+
+
+@compiled
+def entered(covariance: Array, by_first: Array, by_mount: Array, by_beta: Array, first_std: float, std: Array) -> Array:
+    """The covariance with new lines between the known ones and the mount, each correlated with all that is known.
+
+    covariance  (M, M)  before
+    by_first    (N,)    slope of a new line's theta by the first of it
+    by_mount    (N, 3)  by phi, rho, psi
+    by_beta     (N,)    by the bearing that it was seen at
+    first_std           of the first, which nothing is known about
+    std         (N,)    rad, of that bearing
+    returns     (M + 2 N, M + 2 N)
+    """
+    size, count = covariance.shape[0], by_first.size
+    mount, new_size = size - 3, size + 2 * count
+    out = np.zeros((new_size, new_size))
+    place = np.arange(size)  # of what was there before
+    place[mount:] += 2 * count
+    for i in range(size):
+        for j in range(size):
+            out[place[i], place[j]] = covariance[i, j]
+    across = np.zeros((count, new_size))  # theta of a new line with everything
+    for n in range(count):
+        for k in range(3):
+            for j in range(size):
+                across[n, place[j]] += by_mount[n, k] * covariance[mount + k, j]
+    for n in range(count):
+        for m in range(count):
+            total = 0.0
+            for k in range(3):
+                total += across[n, new_size - 3 + k] * by_mount[m, k]
+            across[n, mount + 2 * m + 1] = total
+    for n in range(count):
+        theta = mount + 2 * n + 1
+        out[theta, :] = across[n]
+        out[:, theta] = across[n]
+    for n in range(count):
+        first, theta = mount + 2 * n, mount + 2 * n + 1
+        out[first, first] = first_std**2
+        out[first, theta] = by_first[n] * first_std**2
+        out[theta, first] = by_first[n] * first_std**2
+        out[theta, theta] += (by_first[n] * first_std) ** 2 + (by_beta[n] * std[n]) ** 2
+    return out
