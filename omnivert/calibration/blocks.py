@@ -106,6 +106,26 @@ def without(precision: Array, k: int) -> None:
 
 
 @compiled
+def agree(nu: Array, precision: Array, kept: NDArray[np.bool_], gate: float) -> None:
+    """`agreeing` among those that are kept (N,), in place; the precision becomes that of those that stay."""
+    for _ in range(nu.size):
+        worst, most = -1, gate
+        for i in range(nu.size):
+            if kept[i]:
+                # S^-1 nu / sqrt(diag S^-1) is each innovation minus what the others foretell, in its own sigma.
+                total = 0.0
+                for j in range(nu.size):
+                    total += precision[i, j] * nu[j]
+                odd = abs(total) / np.sqrt(precision[i, i])
+                if not odd <= most:
+                    worst, most = i, odd
+        if worst < 0:
+            return
+        kept[worst] = False
+        without(precision, worst)
+
+
+@compiled
 def agreeing(innovation: Array, precision: Array, gate: float) -> Index:
     """Which innovations agree with each other: the worst, given all others, goes until none is beyond the gate.
 
@@ -114,23 +134,8 @@ def agreeing(innovation: Array, precision: Array, gate: float) -> Index:
     gate                sigmas
     returns     (K,)    indices, rising
     """
-    left = precision.copy()
     kept = np.ones(innovation.size, dtype=np.bool_)
-    for _ in range(innovation.size):
-        worst, most = -1, gate
-        for i in range(innovation.size):
-            if kept[i]:
-                total = 0.0
-                for j in range(innovation.size):
-                    total += left[i, j] * innovation[j]
-                # S^-1 nu / sqrt(diag S^-1) is each innovation minus what the others foretell, in its own sigma.
-                odd = abs(total) / np.sqrt(left[i, i])
-                if not odd <= most:
-                    worst, most = i, odd
-        if worst < 0:
-            break
-        kept[worst] = False
-        without(left, worst)
+    agree(innovation, precision.copy(), kept, gate)
     return np.flatnonzero(kept)
 
 

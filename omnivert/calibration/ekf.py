@@ -64,8 +64,7 @@ class Evidence:
     age: Index  # (N,) frames in which the track was seen, this one included
     nu: Array  # (N,) rad, the innovation
     precision: Array  # (N, N) S^-1
-    slope: Array  # (N, 3) of the bearing by phi, rho, psi
-    mount: Array  # (3,) phi, rho, psi that the slopes are taken at; rho may be negative
+    shift: Array  # (N, C) how far what is followed moves the innovation; the last three are a jump right now
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +90,10 @@ class Filter:
         self._sights: dict[int, tuple[int, int]] = {}  # of each recent track, in the state or not: how many, the last
         self._is_definite = True
         self._algebra: ExtendedKalmanFilter | None = None
+        self.follows = False
+        self.followed = np.zeros((3, 0))
+        """(M, C) what is left in the state of jumps of the mount, three columns each: truth less state for a jump of
+        one radian of yaw, one metre forward, one to the left. With `follows` each update begins a new one."""
         self.x = mount.copy()
         self.P = covariance.copy()
 
@@ -129,11 +132,24 @@ class Filter:
         assert mount.shape == (3,)
         assert lines.shape == (len(tracks), 2)
         assert covariance.shape == (layout.size, layout.size)
+        before = {t: k for k, t in enumerate(self.tracks)}
+        m, carried = self.layout.size - 3, self.followed
         self.tracks = list(tracks)
         self._unseen = [0] * len(tracks)
         self._is_definite = True
         self.x = np.concatenate([lines.ravel(), mount])
         self.P = covariance.copy()
+        # Where smoother and filter have the same data they err alike; a line that only the smoother knew is bent to
+        # the mount that it has, as one that enters is.
+        self.followed = np.concatenate([np.zeros((2 * len(tracks), carried.shape[1])), carried[m:]])
+        if carried.shape[1] and tracks:
+            slopes = self.expected()[1]
+            bent = -slopes[:, 2:] / slopes[:, 1:2] @ carried[m:]
+            for k, t in enumerate(tracks):
+                if t in before:
+                    self.followed[2 * k : 2 * k + 2] = carried[2 * before[t] : 2 * before[t] + 2]
+                else:
+                    self.followed[2 * k + 1] = bent[k]
 
     def predict(self, motion: Motion) -> None:
         """The robot has moved; the mount has not."""
@@ -160,6 +176,8 @@ class Filter:
         self.x[layout.distance] = new_distance
         self.x[layout.heading] = new_heading
         self.x[layout.mount] = mount
+        if self.followed.shape[1]:
+            self.followed = kalman.F @ self.followed
 
     def update(self, track: Index, beta: Array, std: Array) -> Innovation:
         """All lines seen in a frame: known ones correct the state, new ones enter it, lost ones leave.
@@ -223,7 +241,12 @@ class Filter:
             self._is_definite = False
             return np.zeros(0, dtype=np.int64), None
         age = np.array([self._sights[self.tracks[k]][0] for k in lines.tolist()], dtype=np.int64)
-        evidence = Evidence(age, innovation, precision, slopes[:, 2:], self.x[self.layout.mount].copy())
+        if self.follows:
+            jump = np.zeros((self.layout.size, 3))
+            jump[self.layout.mount] = model.polar_by_cartesian(self.x[self.layout.mount])
+            self.followed = np.concatenate([self.followed, jump], axis=1)
+        shift = h @ self.followed
+        evidence = Evidence(age, innovation, precision, shift)
         kept = blocks.agreeing(innovation, precision, self.rules.gate)
         if not kept.size:
             return kept, evidence
@@ -235,6 +258,8 @@ class Filter:
         self.x = kalman.x
         self.x[self.layout.heading] = model.wrapped(self.x[self.layout.heading].copy())
         self.P = 0.5 * (kalman.P + kalman.P.T)
+        if self.followed.shape[1]:
+            self.followed = self.followed - kalman.K @ shift[kept]
         return kept, evidence
 
     def _enter(self, track: Index, beta: Array, std: Array) -> None:
@@ -255,6 +280,12 @@ class Filter:
         self.P = blocks.entered(self.P, by_first, by_mount, by_beta, rules.start_std, std)
         m = 2 * old.lines
         self.x = np.concatenate([self.x[:m], np.stack([first, heading], axis=1).ravel(), self.x[old.mount]])
+        if self.followed.shape[1]:
+            rows = np.zeros((2 * track.size, self.followed.shape[1]))
+            rows[1::2] = by_mount @ self.followed[m:]
+            self.followed = np.concatenate([self.followed[:m], rows, self.followed[m:]])
+        else:
+            self.followed = np.zeros((self.x.size, 0))
         self.tracks += track.tolist()
         self._unseen += [0] * track.size
 
@@ -272,6 +303,7 @@ class Filter:
         rows = [i for k in lines for i in (2 * k, 2 * k + 1)] + [m, m + 1, m + 2]
         self.x = self.x[rows]
         self.P = self.P[np.ix_(rows, rows)]
+        self.followed = self.followed[rows]
         self.tracks = [self.tracks[k] for k in lines]
         self._unseen = [self._unseen[k] for k in lines]
 

@@ -162,3 +162,11 @@ def cartesian_from_polar(mount: Array) -> tuple[Array, Array]:
     c, s = np.cos(phi), np.sin(phi)
     slope = np.array([[1.0, 0.0, 1.0], [-rho * s, c, 0.0], [rho * c, s, 0.0]])
     return np.array([wrap(phi + psi), rho * c, rho * s]), slope
+
+
+def polar_by_cartesian(mount: Array) -> Array:
+    """Slope of (phi, rho, psi) by (eta, cx, cy) at (phi, rho, psi), also where rho is negative; (3, 3)."""
+    phi, rho, _ = mount.tolist()
+    r = rho if abs(rho) > 1e-6 else 1e-6
+    c, s = np.cos(phi), np.sin(phi)
+    return np.array([[0.0, -s / r, c / r], [0.0, c, s], [1.0, s / r, -c / r]])

@@ -224,4 +224,35 @@ def test_the_evidence_is_what_the_filter_expected_before_it_was_corrected() -> N
     assert told is not None
     np.testing.assert_allclose(told.precision @ S, np.eye(n), atol=1e-8)
     np.testing.assert_allclose(told.nu, wrap(seen - predicted), atol=1e-12)
-    np.testing.assert_array_equal(told.slope, slopes[:, 2:])
+
+
+@pytest.mark.parametrize("reseed", [False, True])
+def test_what_is_left_of_a_jump_is_followed_as_the_filter_itself_does(reseed: bool) -> None:
+    """Two filters see the same world, but for a small jump of the mount in one: they part as it was foretold."""
+    jump = 1e-6 * np.array([1.0, -2.0, 3.0])  # yaw, forward, left
+    cartesian, _ = model.cartesian_from_polar(MOUNT)
+    jumped, _ = model.polar_from_cartesian(cartesian + jump)
+    lines = np.array([[2.0, 1.0], [-1.0, 2.0], [1.0, -2.0], [3.0, 0.2], [-2.0, -1.5], [0.5, 2.5], [2.2, -0.4]])
+    start = np.diag([0.02**2, 0.005**2, 0.02**2])
+    one, other = Filter(MOUNT.copy(), start, Rules()), Filter(MOUNT.copy(), start, Rules())
+    pose, names = np.zeros(3), np.arange(6)
+    for frame in range(-60, 14):  # long enough that what each filter expects is what comes
+        names = np.arange(6) if frame < 10 else np.arange(1, 7)  # a line enters, and one leaves
+        motion = step_of(0.05, 0.05) if frame % 4 < 2 else step_of(0.02, -0.02)
+        pose = after(pose, motion.pose)
+        for kalman, mount in ((one, MOUNT), (other, jumped if frame >= 6 else MOUNT)):
+            kalman.predict(motion)
+            kalman.follows = frame == 6  # one jump alone
+            told = kalman.update(names, line_bearings(lines[names], pose, mount), np.full(6, STD))
+            assert told.rejected == 0
+            if reseed and frame == 8:
+                n = 2 * len(kalman.tracks)
+                lined = kalman.x[:n].reshape(-1, 2)
+                kalman.seed(kalman.x[n:], lined, kalman.P, kalman.tracks)
+    assert one.tracks == other.tracks
+    at = one.layout.mount
+    to_jumped, _ = model.polar_from_cartesian(cartesian + jump)
+    left = np.zeros(one.x.size)  # truth less state changes by the jump, less by what the state has followed
+    left[at] = to_jumped - MOUNT
+    told, is_so = one.followed @ jump, left - (other.x - one.x)
+    np.testing.assert_allclose(told, is_so, atol=0.05 * np.abs(is_so).max())
