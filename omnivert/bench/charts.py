@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from omnivert.bench.calibration import CalibrationTimes
 from omnivert.bench.contender import Contender
 from omnivert.bench.growth import Growth, Point
 from omnivert.bench.score.score import Score
@@ -83,6 +84,29 @@ def write_growth(path: Path, growth: Growth) -> None:
     _save(figure, path)
 
 
+def write_calibration_growth(path: Path, times: CalibrationTimes) -> None:
+    """Time of a filter step over lines, and of the global start over the drive's length."""
+    figure = _figure((12.0, 4.9))
+    grid = figure.add_gridspec(1, 2, left=0.065, right=0.98, top=0.82, bottom=0.135, wspace=0.17)
+    lines, drives = figure.add_subplot(grid[0]), figure.add_subplot(grid[1])
+    count = [p.lines for p in times.filter]
+    _log(lines, count, "lines seen in each frame", "a step of the filter, ms")
+    _points(lines, count, [p.step.median_ms for p in times.filter], OURS, "predict and update, median")
+    _points(lines, count, [p.step.p99_ms for p in times.filter], PEER, "99th percentile")
+    _points(lines, count, [p.watchdog.median_ms for p in times.filter], CHANCE, "watchdog, median")
+    yard = times.sobel_pair.median_ms
+    lines.axhline(yard, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=1, label="a pair of Sobel filters")
+    lines.set_title(f"lines: from the last but one to the last as lines to the {times.filter_exponent:.1f}", **_TITLE)
+    lines.legend(frameon=False, fontsize=9.5, labelcolor=INK, loc="upper left")
+    length = [p.drive_s for p in times.start]
+    _log(drives, length, "drive, s", "global start over all of it, s")
+    drives.set(yscale="linear", ylim=(0.0, 1.15 * max(p.seconds for p in times.start)))
+    _points(drives, length, [p.seconds for p in times.start], OURS, "")
+    drives.set_title(f"length: as seconds of the drive to the {times.start_exponent:.1f}", **_TITLE)
+    figure.text(0.012, 0.945, "What the calibration's time grows with", fontsize=15, fontweight="bold", color=INK)
+    _save(figure, path)
+
+
 _TITLE = {"loc": "left", "fontsize": 11, "color": INK, "pad": 9}
 
 
@@ -139,13 +163,29 @@ def _note(axes: Axes, value: float, names: int, text: str) -> None:
     )
 
 
-def _curve(axes: Axes, x: Sequence[float], points: Sequence[Point], colour: str, label: str) -> None:
-    axes.plot(x, [p.vision_ms for p in points], color=colour, lw=2.0, marker="o", ms=5.5, zorder=3, label=label)
+def _log(axes: Axes, x: Sequence[float], across: str, up: str) -> None:
+    """Both axes logarithmic, with a mark at each x."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    axes.set(xscale="log", yscale="log", xlabel=across, ylabel=up)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(NullLocator())
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_xticks(list(x))
+
+
+def _points(axes: Axes, x: Sequence[float], y: Sequence[float], colour: str, label: str) -> None:
+    axes.plot(x, y, color=colour, lw=2.0, marker="o", ms=5.5, zorder=3, label=label)
     axes.grid(color=GRID, lw=0.9, zorder=0)
     axes.tick_params(colors=FAINT, labelsize=9, which="both", length=0)
     axes.xaxis.label.set_color(INK)
     axes.yaxis.label.set_color(INK)
     _bare(axes)
+
+
+def _curve(axes: Axes, x: Sequence[float], points: Sequence[Point], colour: str, label: str) -> None:
+    _points(axes, x, [p.vision_ms for p in points], colour, label)
 
 
 def _bare(axes: Axes) -> None:

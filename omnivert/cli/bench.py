@@ -1,6 +1,7 @@
 """`omnivert bench`: how fast it is here, beside a yardstick in the same run."""
 
 import platform
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,6 +13,7 @@ from omnivert.errors import DataError
 from omnivert.wire.channels import FRAME
 
 if TYPE_CHECKING:
+    from omnivert.bench.calibration import CalibrationTimes
     from omnivert.bench.latency import Latency
     from omnivert.bench.pipeline import PipelineTimes
 
@@ -60,11 +62,64 @@ def pipeline(
         _tell(times, over_bus)
 
 
+@app.command("calibration")
+def calibration(
+    config: ConfigOption = None,
+    plots: Annotated[Path | None, typer.Option("--plots", help="Folder for charts.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Time of the filter against lines, and of the global start against the length of the drive; simulated."""
+    from omnivert.bench.calibration import POINTS, calibration_times
+    from omnivert.threads import one_thread
+
+    one_thread()
+    if plots is not None:
+        bench_vision.make(plots)
+    with say.progress("calibration", POINTS) as bar:
+        times = calibration_times(settings(config), moved=bar.step)
+    if plots is not None:
+        from omnivert.bench.charts import write_calibration_growth
+
+        write_calibration_growth(plots / "calibration-growth.png", times)
+        say.story(f"wrote   {plots / 'calibration-growth.png'}")
+    if as_json:
+        say.json_result({"machine": _machine(), **times.json()})
+    else:
+        _tell_calibration(times)
+
+
+def _machine() -> str:
+    return f"{platform.machine()} {platform.system()}, Python {platform.python_version()}"
+
+
+def _tell_calibration(times: "CalibrationTimes") -> None:
+    yard = times.sobel_pair.median_ms
+    table = [("lines", "median ms", "p99 ms", "x Sobel pair", "watchdog ms", "")]
+    for point in times.filter:
+        step = point.step
+        figures = (f"{step.median_ms:.2f}", f"{step.p99_ms:.2f}", f"{step.median_ms / yard:.1f}")
+        table.append((str(point.lines), *figures, f"{point.watchdog.median_ms:.2f}", ""))
+    for row in results.aligned(table):
+        say.result(row)
+    say.result(
+        f"a pair of Sobel filters takes {yard:.2f} ms; the last steps grow as lines to the {times.filter_exponent:.1f}"
+    )
+    say.result("")
+    starts = [("drive", "frames", "global start s", "")]
+    for start in times.start:
+        starts.append(
+            (f"{start.drive_s:.0f} s", str(start.frames), f"{start.seconds:.2f}", "" if start.found else "none")
+        )
+    for row in results.aligned(starts):
+        say.result(row)
+    say.result(f"grows as length to the {times.start_exponent:.1f}")
+
+
 def _json(name: str, times: "PipelineTimes", over_bus: "Latency | None") -> dict[str, Any]:
     yard = times.sobel_pair
     body: dict[str, Any] = {
         "recording": name,
-        "machine": f"{platform.machine()} {platform.system()}, Python {platform.python_version()}",
+        "machine": _machine(),
         "sobel_pair": yard.json(),
         "stages": {stage: spread.json(yard) for stage, spread in times.stages.items()},
         "vision_step": times.vision.json(yard),

@@ -50,7 +50,7 @@ def vision(
     chosen = source.config(with_mode(settings(config), mode))
     truths = truth_of(source)
     if plots is not None:
-        _make(plots)
+        make(plots)
     contenders = _contenders(source, chosen, frames, peers, peers_python)
     grown = _growth(source, chosen) if growth else None
     scores = {name: contender.score(truths) for name, contender in contenders.items()}
@@ -95,7 +95,8 @@ def _growth(source: "Recording", config: "Config") -> "Growth":
         return growth(source, config, bar.step)
 
 
-def _make(folder: Path) -> None:
+def make(folder: Path) -> None:
+    """The folder for charts."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
