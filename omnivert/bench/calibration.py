@@ -12,6 +12,7 @@ from omnivert.angles import wrap
 from omnivert.bench.growth import picture_with_lines
 from omnivert.bench.spread import Spread
 from omnivert.bench.yardstick import sobel_pair_s
+from omnivert.calibration.corrections import first_prior
 from omnivert.calibration.ekf import Evidence, Filter, Rules
 from omnivert.calibration.problem import Problem
 from omnivert.calibration.sighting import clean_sighting
@@ -20,7 +21,7 @@ from omnivert.calibration.stretch import Stretch
 from omnivert.calibration.watchdog import Watchdog
 from omnivert.config import Config
 from omnivert.messages import Bearings, Ticks
-from omnivert.odometry import SECOND, Motion, Odometer, after, motion_from_wheels, nothing
+from omnivert.odometry import SECOND, Odometer, Samples, after
 from omnivert.simulation.recording import Scene, recorded
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ WARM_UP = 60  # of them, not counted: kernels are compiled, and the watchdog has
 DYING = 1.0 / 40.0  # chance of a line in a frame
 OUTLIERS = 0.05
 STD = 0.003  # rad
-SAMPLES = 17  # of the encoders in a frame
+SAMPLES, SAMPLE_S = 17, 0.0196  # of the encoders in a frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +124,7 @@ def exponent(size: Sequence[float], took: Sequence[float]) -> float:
 def filter_point(config: Config, lines: int, steps: int = STEPS) -> FilterPoint:
     """A drive to and fro among lines all around, so many seen in each frame."""
     rng = np.random.default_rng(0)
-    base, noise_k = config.robot.wheel_base_m, config.encoder.noise_k_m
+    odometer, noise_k = Odometer(config.encoder, config.robot.wheel_base_m), config.encoder.noise_k_m
     mount, spread = np.array([-0.34, 0.23, 0.33]), np.diag([0.01**2, 0.002**2, 0.01**2])
     known, dog = Filter(mount, spread, Rules(most_lines=lines + 5)), Watchdog(mount, spread)
     pose, place, name = np.zeros(3), _strewn(lines, rng), np.arange(lines)
@@ -133,8 +134,8 @@ def filter_point(config: Config, lines: int, steps: int = STEPS) -> FilterPoint:
         wheels = np.full(2, 0.05) if frame % 20 < 10 else np.array([0.02, -0.02])
         each = np.tile(wheels * (1.0 if frame % 40 < 20 else -1.0) / SAMPLES, (SAMPLES, 1))
         real = each + np.sqrt(noise_k * np.abs(each)) * rng.standard_normal(each.shape)
-        pose = after(pose, _motion(real, base, noise_k).pose)
-        motion = _motion(each, base, noise_k)
+        pose = after(pose, odometer.motion(_samples(real)).pose)
+        motion = odometer.motion(_samples(each))
         gone = rng.random(lines) < DYING
         place[gone] = pose[:2] + _strewn(int(gone.sum()), rng)
         name = np.where(gone, name.max() + np.cumsum(gone), name)
@@ -164,30 +165,30 @@ def start_point(config: Config, drive_s: float) -> StartPoint:
 def _start(config: Config, problem: Problem) -> bool:
     """What is timed; whether there is a result."""
     settings = config.calibration
-    return started(problem, settings.max_rho_m, 4, settings.start_keyframes, settings.start_lines) is not None
+    return started(problem, settings.max_rho_m, settings.start_etas, settings.start_lines) is not None
 
 
 def _driven(config: Config, drive_s: float) -> Problem:
     scene = Scene(path="alternate", repeat=int(np.ceil(drive_s / 40.0)))
-    odometer, stretch = Odometer(config.encoder, config.robot.wheel_base_m), Stretch()
+    odometer, stretch = Odometer(config.encoder, config.robot.wheel_base_m), Stretch(config)
     messages = [m for m in recorded(scene, config, 0).messages if m.stamp_ns <= drive_s * SECOND]
     for message in messages:
         if isinstance(message, Ticks):
             odometer.push(message)
     last: int | None = None
     for message in messages:
-        if isinstance(message, Bearings):
+        if isinstance(message, Bearings) and message.stamp_ns <= (odometer.newest_ns or 0):
             sighting, _ = clean_sighting(message, np.deg2rad(config.calibration.bearing_floor_deg))
-            motion = nothing() if last is None else odometer.motion(last, message.stamp_ns)
-            if motion is None:  # past the last count
-                break
-            stretch.append(motion, sighting.track, sighting.beta, sighting.std)
+            wheels = None if last is None else odometer.samples(last, message.stamp_ns)
+            stretch.append(message.stamp_ns / SECOND, wheels, sighting.track, sighting.beta, sighting.std)
             last = message.stamp_ns
-    return stretch.posed(np.zeros(3), np.zeros((3, 3)), config.calibration.window_lines, 4).problem
+    return stretch.posed(first_prior(), config.calibration.window_lines, 4).problem
 
 
-def _motion(wheels: Array, base: float, noise_k: float) -> Motion:
-    return motion_from_wheels(wheels[:, 0], wheels[:, 1], base, noise_k)
+def _samples(steps: Array) -> Samples:
+    """Steps of the wheels (N, 2) right, left, as encoders tell them."""
+    right, left = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]).T
+    return Samples(SAMPLE_S * np.arange(right.size), right, left)
 
 
 def _strewn(count: int, rng: np.random.Generator) -> Array:

@@ -10,13 +10,21 @@ from omnivert.angles import wrap
 from omnivert.calibration import model
 from omnivert.calibration.blocks import agreeing
 from omnivert.calibration.ekf import Filter, Layout, Rules, rules_of_the_paper
-from omnivert.odometry import Motion, after, motion_from_wheels
+from omnivert.config import Encoder
+from omnivert.odometry import Motion, Odometer, Samples, after
 
 Array = NDArray[np.float64]
 
 BASE, K, STD = 0.4, 2e-4, 0.003
 MOUNT = np.array([-0.34, 0.23, 0.33])
 SPREAD = np.diag([0.02**2, 0.005**2, 0.02**2])
+
+
+def motion_from_wheels(right: Array, left: Array) -> Motion:
+    """Steps of the wheels (N,), one after the other."""
+    right, left = (np.concatenate([[0.0], np.cumsum(way)]) for way in (right, left))
+    samples = Samples(0.02 * np.arange(right.size, dtype=np.float64), right, left)
+    return Odometer(Encoder(noise_k_m=K, ticks_per_rev=10_000_000), BASE).motion(samples)
 
 
 def line_bearings(lines: Array, pose: Array, mount: Array = MOUNT) -> Array:
@@ -28,7 +36,7 @@ def line_bearings(lines: Array, pose: Array, mount: Array = MOUNT) -> Array:
 
 
 def step_of(right: float, left: float) -> Motion:
-    return motion_from_wheels(np.full(10, right / 10), np.full(10, left / 10), BASE, K)
+    return motion_from_wheels(np.full(10, right / 10), np.full(10, left / 10))
 
 
 def driven(rules: Rules, frames: int = 60, start: Array = MOUNT, seed: int = 0) -> tuple[Filter, list[Array]]:
@@ -43,9 +51,9 @@ def driven(rules: Rules, frames: int = 60, start: Array = MOUNT, seed: int = 0) 
     for frame in range(frames):
         wheels = np.full((10, 2), 0.005) if frame % 20 < 10 else np.tile([0.001, -0.001], (10, 1))
         real = wheels + np.sqrt(K * np.abs(wheels)) * rng.standard_normal(wheels.shape)
-        kalman.predict(motion_from_wheels(wheels[:, 0], wheels[:, 1], BASE, K))
+        kalman.predict(motion_from_wheels(wheels[:, 0], wheels[:, 1]))
         for right, left in real:
-            pose = after(pose, motion_from_wheels(np.array([right]), np.array([left]), BASE, K).pose)
+            pose = after(pose, motion_from_wheels(np.array([right]), np.array([left])).pose)
         beta = wrap(line_bearings(lines, pose) + STD * rng.standard_normal(names.size))
         kalman.update(names, beta, np.full(names.size, STD))
         seen.append(kalman.P.copy())
@@ -254,5 +262,5 @@ def test_what_is_left_of_a_jump_is_followed_as_the_filter_itself_does(reseed: bo
     to_jumped, _ = model.polar_from_cartesian(cartesian + jump)
     left = np.zeros(one.x.size)  # truth less state changes by the jump, less by what the state has followed
     left[at] = to_jumped - MOUNT
-    told, is_so = one.followed @ jump, left - (other.x - one.x)
-    np.testing.assert_allclose(told, is_so, atol=0.05 * np.abs(is_so).max())
+    foretold, is_so = one.followed @ jump, left - (other.x - one.x)
+    np.testing.assert_allclose(foretold, is_so, atol=0.05 * np.abs(is_so).max())

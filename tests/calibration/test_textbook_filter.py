@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from omnivert.angles import wrap
 from omnivert.calibration.blocks import agreeing
 from omnivert.calibration.ekf import Filter, Rules
-from omnivert.odometry import Motion, after, motion_from_wheels
+from omnivert.config import Encoder
+from omnivert.odometry import Motion, Odometer, Samples, after
 
 Array = NDArray[np.float64]
 
@@ -17,6 +18,13 @@ BASE, K, STD = 0.4, 2e-4, 0.003
 MOUNT = np.array([-0.34, 0.23, 0.33])
 SPREAD = np.diag([0.02**2, 0.005**2, 0.02**2])
 STEP = 1e-20  # of the complex step: slopes right to the last digit, and from the values alone
+
+
+def motion_from_wheels(right: Array, left: Array) -> Motion:
+    """Steps of the wheels (N,), one after the other."""
+    right, left = (np.concatenate([[0.0], np.cumsum(way)]) for way in (right, left))
+    samples = Samples(0.02 * np.arange(right.size, dtype=np.float64), right, left)
+    return Odometer(Encoder(noise_k_m=K, ticks_per_rev=10_000_000), BASE).motion(samples)
 
 
 def sight(state: Array) -> complex:
@@ -143,7 +151,7 @@ def test_state_and_covariance_are_those_of_a_plain_dense_filter(outliers: float)
     pose, rejected, left = np.zeros(3), 0, 0
     for frame in range(40):
         wheels = np.full((10, 2), 0.005) if frame % 20 < 10 else np.tile([0.002, -0.002], (10, 1))
-        motion = motion_from_wheels(wheels[:, 0], wheels[:, 1], BASE, K)
+        motion = motion_from_wheels(wheels[:, 0], wheels[:, 1])
         pose = after(pose, motion.pose)
         ours.predict(motion)
         plain.predict(motion)

@@ -10,12 +10,20 @@ from omnivert.angles import wrap
 from omnivert.calibration import model
 from omnivert.calibration.ekf import Filter, Rules
 from omnivert.calibration.watchdog import Alarm, Kind, Watchdog
-from omnivert.odometry import after, motion_from_wheels
+from omnivert.config import Encoder
+from omnivert.odometry import Motion, Odometer, Samples, after
 
 Array = NDArray[np.float64]
 
 BASE, K, FRAME_NS = 0.4, 2e-4, 333_000_000
 STILL = np.zeros(3)
+
+
+def motion_from_wheels(right: Array, left: Array) -> Motion:
+    """Steps of the wheels (N,), one after the other."""
+    right, left = (np.concatenate([[0.0], np.cumsum(way)]) for way in (right, left))
+    samples = Samples(0.02 * np.arange(right.size, dtype=np.float64), right, left)
+    return Odometer(Encoder(noise_k_m=K, ticks_per_rev=10_000_000), BASE).motion(samples)
 
 
 @dataclass
@@ -48,8 +56,8 @@ class World:
             wheels = np.full((17, 2), 0.05 / 17) if frame % 45 < 15 else np.tile([0.0206 / 34, -0.0206 / 34], (17, 1))
             wheels = 0.0 * wheels if rest else wheels
             real = wheels + np.sqrt(K * np.abs(wheels)) * rng.standard_normal(wheels.shape)
-            pose = after(pose, motion_from_wheels(real[:, 0], real[:, 1], BASE, K).pose)
-            known.predict(motion_from_wheels(wheels[:, 0], wheels[:, 1], BASE, K))
+            pose = after(pose, motion_from_wheels(real[:, 0], real[:, 1]).pose)
+            known.predict(motion_from_wheels(wheels[:, 0], wheels[:, 1]))
             gone = (rng.random(names.size) < (0.0 if rest else 1.0 / 40.0)) | (np.hypot(*(lines - pose[:2]).T) > 3.5)
             lines[gone] = self.born(pose, int(gone.sum()), rng)
             names = np.where(gone, fresh + np.cumsum(gone), names)
