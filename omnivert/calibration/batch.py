@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from omnivert.angles import wrap
 from omnivert.calibration import corrections, model, noise, wiring
-from omnivert.calibration.manoeuvre import Lines, Manoeuvre, Outlook, best_manoeuvre
+from omnivert.calibration.manoeuvre import Manoeuvre, Outlook, best_manoeuvre
 from omnivert.calibration.marginal import marginal_mean
 from omnivert.calibration.noise import Component, Noise
 from omnivert.calibration.nominal import nominal_information
-from omnivert.calibration.normal import Unknowns
 from omnivert.calibration.observability import (
     Piece,
     Seen,
@@ -22,8 +21,10 @@ from omnivert.calibration.observability import (
     pieces,
     seen,
 )
-from omnivert.calibration.problem import GLOBALS, Prior, Problem, with_frames
-from omnivert.calibration.smoother import Search, Solution, joint, marginal
+from omnivert.calibration.parts import part_alone
+from omnivert.calibration.problem import Problem
+from omnivert.calibration.seed import Seed, in_sight, seed_of
+from omnivert.calibration.smoother import Search, Solution, marginal
 from omnivert.calibration.start import started
 from omnivert.calibration.stretch import Posed, Stretch
 from omnivert.config import Config
@@ -33,7 +34,11 @@ from omnivert.odometry import Samples
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+RECENT = 60  # keyframes, a last part of the drive that may show the mount alone
 HELD_RHO = 0.2  # m, where the camera is held while no place of it is better than another
+
+
+Recent = tuple[float, Array, Array]  # since when (s), phi, rho, psi (3,), covariance (3, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,11 +53,12 @@ class Result:
     centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
     lines: int
     disagreement: float  # of the halves of the drive, chi-square of 3 degrees of freedom
-    seed: tuple[Array, Array, tuple[int, ...]]  # lines (N, 2) as (1/D, theta), joint covariance with mount, tracks
+    seed: Seed
     corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
     told: tuple[Correction, ...]  # the same for people
     residuals: tuple[Component, Component]  # of the wheels, of the bearings
     noise: Noise  # used
+    recent: Recent | None  # the mount as the last part of the drive alone has it; None where that does not show it
     todo: Manoeuvre  # what to drive next, to know more
 
     @property
@@ -261,7 +267,8 @@ class Batch:
         information, _ = search.opened(solution)
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
         at = x.corrections
-        seed = self._seed(posed, solution, x)
+        newest = self._stretch.keyframes[-1]
+        seed = seed_of(newest.line, newest.track, posed.names, solution, x)
         residuals = noise.components(search, solution)
         limit = np.array([np.deg2rad(settings.sigma_limit_deg), settings.sigma_limit_m, 0.0])
         limit[2] = limit[0]
@@ -280,71 +287,37 @@ class Batch:
             + noise.told(self._noise, residuals, self._config.encoder.noise_k_m),
             residuals,
             self._noise,
-            best_manoeuvre(mount, shown, _in_sight(seed), self._outlook(problem), limit),
+            self._recent(problem, solution),
+            best_manoeuvre(mount, shown, in_sight(seed), self._outlook(problem), limit),
         )
 
     def _halves(self, problem: Problem, solution: Solution) -> float:
         """How far the halves of the stretch disagree about the mount: chi-square of three degrees of freedom."""
         middle = problem.frames // 2
-        # A pull to the whole solution, a twentieth of its information, keeps a half in its valley.
-        pull = np.zeros((GLOBALS, GLOBALS))
-        pull[:3, :3] = 0.05 * solution.mount_information
-        x = solution.x
-        only = np.arange(GLOBALS) < 3
-        prior = Prior(x.shared, pull, only, x.corrections)
-        found = []
-        for first, last in ((0, middle), (middle, problem.frames)):
-            part, lines = with_frames(problem, first, last)
-            if part.frames < 3 or not part.line.size:
-                return 0.0
-            part = replace(part, prior=prior)
-            begin = Unknowns(x.pose[first:last], x.shared, x.anchor[lines], x.u[lines], x.w[lines])
-            half = Search(part).solved(_from_origin(begin), part.std, 6, 0.1)
-            found.append((half.x.mount, covariance_from_information(half.mount_information)))
+        found = [part_alone(problem, solution, a, b) for a, b in ((0, middle), (middle, problem.frames))]
+        if found[0] is None or found[1] is None:
+            return 0.0
         off = found[0][0] - found[1][0]
         off[0] = wrap(float(off[0]))
         return float(off @ np.linalg.solve(found[0][1] + found[1][1], off))
 
+    def _recent(self, problem: Problem, solution: Solution) -> Recent | None:
+        first = problem.frames - RECENT
+        if first < RECENT // 2:
+            return None
+        moved = problem.increments(solution.x.corrections).wheels_m[first:]
+        wheels = problem.wheels
+        if len(centres(pieces(moved, wheels.base_m, wheels.noise_k_m, wheels.tick_m))) < 2:
+            return None
+        alone = part_alone(problem, solution, first, problem.frames)
+        if alone is None:
+            return None
+        mount, slope = model.polar_from_cartesian(alone[0])
+        return float(problem.stamp_s[first]), mount, slope @ alone[1] @ slope.T
+
     def _outlook(self, problem: Problem) -> Outlook:
         robot, encoder = self._config.robot, self._config.encoder
         return Outlook(robot.wheel_base_m, self._noise.wheels * encoder.noise_k_m, float(np.median(problem.std)))
-
-    def _seed(self, posed: Posed, solution: Solution, x: Unknowns) -> tuple[Array, Array, tuple[int, ...]]:
-        """The lines seen in the last keyframe, as the filter holds them, with the joint covariance."""
-        newest = self._stretch.keyframes[-1]
-        number = {name: i for i, name in enumerate(posed.names.tolist())}
-        tracks, index = [], []
-        for name, track in zip(newest.line.tolist(), newest.track.tolist(), strict=True):
-            i = number.get(name)
-            if i is not None and 0.0 < x.w[i] < 4.0:
-                tracks.append(track)
-                index.append(i)
-        lines = np.array(index, dtype=np.int64)
-        covariance = joint(solution, lines)
-        px, py, heading = x.pose[-1]
-        # (cos u, sin u) + w (anchor - p) is the line from the robot, in units of 1 / w.
-        u, w = x.u[lines], x.w[lines]
-        back = x.anchor[lines] - [px, py]
-        sight = np.stack([np.cos(u) + w * back[:, 0], np.sin(u) + w * back[:, 1]], axis=1)
-        length = np.hypot(sight[:, 0], sight[:, 1])
-        unit = sight / length[:, None]
-        inverse = w / length
-        theta = wrap(np.pi + heading - np.arctan2(sight[:, 1], sight[:, 0]))
-        n = lines.size
-        slope = np.zeros((2 * n + 3, 6 + 2 * n))
-        slope[2 * n :, 3:6] = model.polar_from_cartesian(x.mount)[1]
-        # How the length and the direction of the sight change with p, u, w.
-        across = np.stack([-unit[:, 1], unit[:, 0]], axis=1) / length[:, None]
-        by_u = np.stack([-np.sin(u), np.cos(u)], axis=1)
-        for k in range(n):
-            by = np.column_stack([[-w[k], 0.0], [0.0, -w[k]], by_u[k], back[k]])  # d sight / d (px, py, u, w)
-            columns = [0, 1, 6 + 2 * k, 7 + 2 * k]
-            slope[2 * k, columns] = -inverse[k] / length[k] * (unit[k] @ by)
-            slope[2 * k, 7 + 2 * k] += 1.0 / length[k]
-            slope[2 * k + 1, columns] = -(across[k] @ by)
-            slope[2 * k + 1, 2] += 1.0
-        joined = slope @ covariance @ slope.T
-        return np.stack([inverse, theta], axis=1), 0.5 * (joined + joined.T), tuple(tracks)
 
     def _cut(self, count: int) -> None:
         """The first `count` keyframes become the prior of the rest. Lines across the cut start anew: counted once."""
@@ -365,19 +338,3 @@ class Batch:
         self._stretch.drop_first(count)
         self._centres = None
         self._searched = len(rest)
-
-
-def _in_sight(seed: tuple[Array, Array, tuple[int, ...]]) -> Lines:
-    """The lines of a seed."""
-    place, covariance, _ = seed
-    n = place.shape[0]
-    return Lines(place[:, 0], place[:, 1], np.sqrt(np.diag(covariance)[: 2 * n : 2]))
-
-
-def _from_origin(x: Unknowns) -> Unknowns:
-    """The same with the first pose at the origin."""
-    px, py, turn = x.pose[0]
-    c, s = np.cos(turn), np.sin(turn)
-    back = np.array([[c, s], [-s, c]])
-    pose = np.column_stack([(x.pose[:, :2] - [px, py]) @ back.T, x.pose[:, 2] - turn])
-    return Unknowns(pose, x.shared, (x.anchor - [px, py]) @ back.T, x.u - turn, x.w)

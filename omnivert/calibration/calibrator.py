@@ -7,19 +7,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import omnivert
 from omnivert.angles import wrap
 from omnivert.calibration.batch import Batch, Keyed, Outcome, Result
-from omnivert.calibration.ekf import Filter, Rules, rules_of_the_paper
+from omnivert.calibration.claims import Claims
+from omnivert.calibration.ekf import Filter, Innovation, Rules, rules_of_the_paper
 from omnivert.calibration.noise import Noise
 from omnivert.calibration.observability import larger
 from omnivert.calibration.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
 from omnivert.calibration.smoothing import Background, Smoothing, at_once
 from omnivert.calibration.verdict import Shown, Verdict, paper_verdict, verdict
+from omnivert.calibration.way import Way
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
-from omnivert.odometry import SECOND, Motion, Odometer, Samples, nothing
+from omnivert.odometry import SECOND
 
 Array = NDArray[np.float64]
 
@@ -39,27 +40,21 @@ class Calibrator:
     ) -> None:
         self._config = config
         self._paper = config.calibration.mode == "paper"
-        self._odometer = Odometer(config.encoder, config.robot.wheel_base_m)
+        self._way = Way(config)
+        self._background = background
         self._smoothing = Smoothing(Batch(config), background)
         self._held: deque[Sighting] = deque()
         self._refused: Counter[str] = Counter()
         self._newest_ns = -1  # frame received
-        self._last_ns: int | None = None  # frame worked on
-        self._since_key: Samples | None = None  # wheels since the last keyframe; None before the first or after a break
-        self._way_since_key = (0.0, 0.0)  # m, rad
-        self._has_key = False
-        self._corrections = np.zeros(3)  # time offset (s), wheel ratio - 1, base / configured - 1
-        self._noise = Noise()
         self._frames = 0
-        self._driven_m = 0.0
-        self._turned_rad = 0.0
         self._pulse = Pulse()
+        self._noise = Noise()
         self._lines_seen = 0
         self._state = State.WAITING
-        self._claimed: Array | None = None  # sigmas of the last extrinsics
-        self._claimed_frame = 0
+        self._moved = ""  # how the camera was knocked, until it is calibrated anew
         self._told_last: Estimate | None = None
         self._stored: Mount | None = None
+        self._claims = Claims(config, None if self._paper else stored)
         if self._paper:
             c = config.calibration
             self._pulse = Pulse(
@@ -75,17 +70,16 @@ class Calibrator:
             at = np.array([mount.phi_rad, mount.rho_m, mount.psi_rad])
             self._pulse = Pulse(Filter(at, mount.covariance, Rules()))
             self._state = stored.state
-            self._claimed = np.sqrt(np.diag(mount.covariance))
 
     @property
     def refused(self) -> dict[str, int]:
         """Bad input so far, by reason."""
-        return dict(self._refused + self._odometer.refused)
+        return dict(self._refused + Counter(self._way.refused))
 
     def step(self, message: Ticks | Bearings) -> tuple[Estimate | Extrinsics, ...]:
         match message:
             case Ticks():
-                self._odometer.push(message)
+                self._way.push(message)
             case Bearings():
                 self._take(message)
         out: list[Estimate | Extrinsics] = []
@@ -96,23 +90,25 @@ class Calibrator:
     def settle(self) -> Result | None:
         """Everything so far, solved once more: the smoother's last word; None without a single clear solution."""
         self._adopt(self._smoothing.finished(), [])
-        if self._has_key:
+        if self._smoothing.keyframes:
             self._smoothing.begin()
             self._pulse.mark()
             self._adopt(self._smoothing.finished(), [])
         return self._smoothing.result
 
     def close(self) -> tuple[Estimate | Extrinsics, ...]:
-        """No more messages will come: what is held goes through without counts, and the final state is claimed."""
+        """No more messages will come: what is held goes through without counts, and the last word is said.
+
+        That is one more estimate for the last frame, with everything solved once more; and a claim, if it allows one.
+        """
         out: list[Estimate | Extrinsics] = []
         while self._held:
             out += self._work(self._held.popleft())
-        last = self._told_last
-        if last is None or last.mount is None or last.state is not State.CALIBRATED:
+        last, self._told_last = self._told_last, None
+        if last is None or self._paper:
             return tuple(out)
-        if self._stored is None and self._claimed_frame != last.frame:
-            out.append(self._claim(last, last.mount))
-        return tuple(out)
+        self.settle()
+        return (*out, *self._told(last.stamp_ns, [*last.reasons], final=True))
 
     def _take(self, bearings: Bearings) -> None:
         if bearings.stamp_ns <= self._newest_ns:
@@ -125,7 +121,7 @@ class Calibrator:
         self._held.append(sighting)
 
     def _is_due(self, sighting: Sighting) -> bool:
-        newest = self._odometer.newest_ns
+        newest = self._way.newest_ns
         return (newest is not None and newest >= sighting.stamp_ns) or (
             self._newest_ns - sighting.stamp_ns > SILENCE_NS
         )
@@ -133,62 +129,44 @@ class Calibrator:
     def _work(self, sighting: Sighting) -> list[Estimate | Extrinsics]:
         reasons = list(sighting.reasons)
         self._frames += 1
-        motion = self._motion(sighting.stamp_ns, reasons)
+        motion, wrong = self._way.step(sighting.stamp_ns)
+        if wrong:
+            reasons.append(wrong)
+        knock = ""
         if motion is not None:
-            self._driven_m += motion.driven_m
-            self._turned_rad += motion.turned_rad
-            self._way_since_key = (self._way_since_key[0] + motion.driven_m, self._way_since_key[1] + motion.turned_rad)
+            if wrong:
+                self._pulse.forget_lines()
             self._pulse.predict(motion)
-            if self._is_keyframe():
-                self._see(sighting, reasons)
+            fresh = self._see(sighting, reasons) if self._paper or self._way.is_at_keyframe else None
+            still = not wrong and not motion.wheels_m.any()
+            knock = self._claims.watched(sighting.stamp_ns, still, sighting, self._pulse, fresh)
         self._lines_seen = sighting.track.size
-        self._odometer.forget_before(self._last_ns or 0)
-        return self._told(sighting.stamp_ns, reasons)
+        knock = knock or self._claims.compared(sighting.stamp_ns, self._smoothing.recent())
+        if knock:
+            self._reopen(knock)
+        return self._told(sighting.stamp_ns, reasons, knocked=bool(knock))
 
-    def _motion(self, stamp_ns: int, reasons: list[str]) -> Motion | None:
-        """Since the last frame that the wheels covered; the first one has moved nowhere."""
-        offset, ratio, base = self._corrections
-        at_ns = stamp_ns - round(offset * SECOND)
-        if self._odometer.samples(stamp_ns, stamp_ns) is None:
-            reasons.append("no wheel counts at this frame")
-            return None
-        if self._last_ns is None:
-            self._last_ns = stamp_ns
-            return nothing()
-        told = self._odometer.samples(self._last_ns, stamp_ns)
-        motion = told if offset == 0.0 else self._odometer.samples(self._last_ns - stamp_ns + at_ns, at_ns)
-        self._last_ns = stamp_ns
-        if told is None:
-            reasons.append("the wheels' counts broke off; the way since the last frame is unknown")
-            self._since_key = None
-            self._way_since_key = (np.inf, np.inf)
-            self._pulse.forget_lines()
-            return nothing()
-        if self._has_key:
-            self._since_key = told if self._since_key is None else self._since_key + told
-        return self._odometer.motion(told if motion is None else motion, 1.0 + ratio, 1.0 + base, self._noise.wheels)
-
-    def _is_keyframe(self) -> bool:
-        if not self._has_key or self._paper:
-            return True
-        settings = self._config.calibration
-        way, turn = self._way_since_key
-        return way >= settings.keyframe_step_m or turn >= np.deg2rad(settings.keyframe_turn_deg)
-
-    def _see(self, sighting: Sighting, reasons: list[str]) -> None:
+    def _see(self, sighting: Sighting, reasons: list[str]) -> Innovation:
         if not self._pulse.update(replace(sighting, std=np.sqrt(self._noise.bearings) * sighting.std)):
             self._refused["filter: covariance lost its definiteness"] += 1
             reasons.append("the filter lost its footing and starts anew")
-        if self._paper:
-            return
-        stamp_s = sighting.stamp_ns / SECOND
-        key = Keyed(stamp_s, self._since_key, sighting.track, sighting.beta, sighting.std)
-        self._has_key, self._since_key, self._way_since_key = True, None, (0.0, 0.0)
-        self._smoothing.append(key)
-        if self._smoothing.is_due:
-            self._adopt(self._smoothing.finished(), reasons)
-            self._smoothing.begin()
-            self._pulse.mark()
+        fresh = self._pulse.innovation
+        if not self._paper:
+            stamp_s = sighting.stamp_ns / SECOND
+            self._smoothing.append(Keyed(stamp_s, self._way.take_key(), sighting.track, sighting.beta, sighting.std))
+            if self._smoothing.is_due:
+                self._adopt(self._smoothing.finished(), reasons)
+                self._smoothing.begin()
+                self._pulse.mark()
+        return fresh
+
+    def _reopen(self, knock: str) -> None:
+        """The camera has moved: what was seen before says nothing of where it is now."""
+        self._moved = knock
+        self._stored = None
+        self._smoothing.finished()
+        self._smoothing = Smoothing(Batch(self._config), self._background)
+        self._pulse = Pulse()
 
     def _adopt(self, outcome: Outcome | None, reasons: list[str]) -> None:
         """The filter goes on from the batch's joint, each time there is one: it only bridges what comes between."""
@@ -206,15 +184,19 @@ class Calibrator:
             spread = result.honest_covariance + self._stored.covariance
             if float(off @ np.linalg.solve(spread, off)) > 21.1:  # chi-square of 3: 1 in 10 000
                 reasons.append("the drive contradicts the stored mount, which is dropped")
-                self._claimed, self._state = None, State.NOT_YET
+                self._claims.forget()
+                self._state = State.NOT_YET
             elif (np.diag(result.honest_covariance) > np.diag(self._stored.covariance)).any():
                 return
             self._stored = None
         if np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
             self._pulse.seed(result)
-            self._corrections, self._noise = result.corrections, result.noise
+            self._noise = result.noise
+            self._way.correct(result.corrections, result.noise)
 
-    def _told(self, stamp_ns: int, reasons: list[str]) -> list[Estimate | Extrinsics]:
+    def _told(
+        self, stamp_ns: int, reasons: list[str], final: bool = False, knocked: bool = False
+    ) -> list[Estimate | Extrinsics]:
         mount, covariance = self._mount()
         if self._stored is not None:
             reasons.insert(0, "taken up from the store")
@@ -232,8 +214,8 @@ class Calibrator:
             rho=judged.rho,
             psi=judged.psi,
             next_manoeuvre=judged.next_manoeuvre,
-            driven_m=self._driven_m,
-            turned_rad=self._turned_rad,
+            driven_m=self._way.driven_m,
+            turned_rad=self._way.turned_rad,
             lines_used=self._pulse.innovation.used,
             lines_new=self._pulse.innovation.new,
             lines_rejected=self._pulse.innovation.rejected,
@@ -241,8 +223,11 @@ class Calibrator:
             **self._beside(mount),
         )
         self._told_last = estimate
-        if published is not None and judged.state is State.CALIBRATED and self._is_news(published):
-            return [estimate, self._claim(estimate, published)]
+        taken_back = self._claims.superseded(estimate, self._moved) if knocked else None
+        if taken_back is not None:
+            return [estimate, taken_back]
+        if published is not None and self._stored is None and self._claims.is_news(estimate, final):
+            return [estimate, self._claims.made(estimate, published)]
         return [estimate]
 
     def _beside(self, mount: Array | None) -> dict[str, Any]:
@@ -268,21 +253,6 @@ class Calibrator:
         off[[0, 2]] = wrap(off[[0, 2]])
         return float(np.sqrt(max(0.0, float(off @ np.linalg.solve(result.honest_covariance, off)))))
 
-    def _claim(self, estimate: Estimate, mount: Mount) -> Extrinsics:
-        self._claimed = np.sqrt(np.diag(mount.covariance))
-        self._claimed_frame = estimate.frame
-        return Extrinsics(
-            stamp_ns=estimate.stamp_ns,
-            robot=self._config.robot.id,
-            camera=self._config.camera.id,
-            mount=mount,
-            state=estimate.state,
-            frames=estimate.frame,
-            reasons=estimate.reasons,
-            software=f"omnivert {omnivert.__version__}",
-            rig_digest=self._config.rig_digest(),
-        )
-
     def _mount(self) -> tuple[Array | None, Array | None]:
         """phi, rho, psi and the covariance that may be claimed, without what only the wheels' noise has shown."""
         running, result = self._pulse.filter, self._smoothing.result
@@ -306,9 +276,9 @@ class Calibrator:
         shown = Shown(
             frames=self._frames,
             lines=self._lines_seen,
-            ticks=self._last_ns is not None,
-            driven_m=self._driven_m,
-            turned_rad=self._turned_rad,
+            ticks=self._way.is_known,
+            driven_m=self._way.driven_m,
+            turned_rad=self._way.turned_rad,
             centres=outcome.centres,
             covariance=covariance,
             rho_m=0.0 if mount is None else float(mount[1]),
@@ -322,7 +292,12 @@ class Calibrator:
             gap=np.inf if result is None or self._stored is not None else result.gap,
             phi_rad=None if mount is None else float(mount[0]),
         )
-        return verdict(shown, self._config.calibration, self._state)
+        judged = verdict(shown, self._config.calibration, self._state)
+        if judged.state is State.CALIBRATED:
+            self._moved = ""
+        if not self._moved:
+            return judged
+        return verdict(replace(shown, moved=f"{self._moved}; calibrating anew"), self._config.calibration, self._state)
 
     def _contradiction(self) -> str:
         """Said when even the best mount leaves many bearings unexplained, though the drive would show a good one."""
@@ -336,10 +311,3 @@ class Calibrator:
             f"because no mount explains more than {100.0 * outcome.share:.0f} % of the bearings: "
             "check the wheel base, the wheels' diameter, the clocks of camera and encoders, and what else moves"
         )
-
-    def _is_news(self, mount: Mount) -> bool:
-        """A claim is news the first time, and when a sigma has fallen by a tenth, at most every 15 frames."""
-        if self._claimed is None:
-            return True
-        better = np.sqrt(np.diag(mount.covariance)) < 0.9 * self._claimed
-        return bool(better.any()) and self._frames - self._claimed_frame >= 15

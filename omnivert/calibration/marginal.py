@@ -34,7 +34,7 @@ def marginal_mean(search: Search, solution: Solution) -> Unknowns:
     factor = solution.factor
     # How ways and lines follow what is shared.
     follow = np.zeros((begin + GLOBALS, GLOBALS))
-    for k in free:
+    for k in free.tolist():
         row = int(layout.start[begin + k])
         follow[:begin, k] = -skyline.solved(first, start, factor, solution.normal.values[row : row + begin])
         follow[begin + k, k] = 1.0

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration.normal import Layout, Unknowns, bearing_errors, increment_information, normal
+from omnivert.calibration.layout import Layout
+from omnivert.calibration.normal import Unknowns, bearing_errors, increment_information, normal
 from omnivert.calibration.observability import Piece, pieces
 from omnivert.calibration.problem import GLOBALS, Problem, dead_reckoned
 from omnivert.calibration.smoother import Solution

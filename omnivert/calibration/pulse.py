@@ -58,11 +58,11 @@ class Pulse:
 
     def seed(self, result: Result) -> None:
         """Go on from a solution of the last mark: its mount and lines, and then all that has come since."""
-        lines, covariance, tracks = result.seed
+        seed = result.seed
         # Lines that the filter starts itself make it too sure by half within 60 frames [measured]; the batch starts
         # them.
         fresh = Filter(result.mount, result.covariance, Rules(enters=False))
-        fresh.seed(result.mount, lines, covariance, list(tracks))
+        fresh.seed(result.mount, seed.lines, seed.covariance, list(seed.tracks))
         for told in self._since or []:
             match told:
                 case Motion():

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from omnivert.angles import TURN, wrap
 from omnivert.calibration import skyline
+from omnivert.calibration.layout import Layout
 from omnivert.calibration.normal import (
-    Layout,
     Normal,
     Unknowns,
     bearing_errors,

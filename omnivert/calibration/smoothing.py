@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from omnivert.calibration.batch import Batch, Keyed, Outcome, Result
+from omnivert.calibration.batch import Batch, Keyed, Outcome, Recent, Result
 
 R = TypeVar("R")
 Job = Callable[[], R]
@@ -29,20 +29,26 @@ class Smoothing:
         self._background = background
         self._under_way: Job[Outcome] | None = None
         self._queue: list[Keyed] = []
-        self._keyframes = 0
+        self.keyframes = 0
         self._next = FIRST
+        self._recent: Recent | None = None
 
     @property
     def result(self) -> Result | None:
         return self.outcome.result
 
+    def recent(self) -> Recent | None:
+        """The mount as the last part of the drive alone has it; each is told once."""
+        told, self._recent = self._recent, None
+        return told
+
     @property
     def is_due(self) -> bool:
-        return self._keyframes >= self._next
+        return self.keyframes >= self._next
 
     def append(self, key: Keyed) -> None:
         self._queue.append(key)
-        self._keyframes += 1
+        self.keyframes += 1
 
     def finished(self) -> Outcome | None:
         """The outcome of the work that was begun last, waited for if need be; None when there was none."""
@@ -50,6 +56,7 @@ class Smoothing:
             return None
         self.outcome = self._under_way()
         self._under_way = None
+        self._recent = None if self.outcome.result is None else self.outcome.result.recent
         return self.outcome
 
     def begin(self) -> None:
@@ -57,5 +64,5 @@ class Smoothing:
         for key in self._queue:
             self._batch.append(key)
         self._queue = []
-        self._next = self._keyframes + max(EVERY, self._batch.size // SHARE)
+        self._next = self.keyframes + max(EVERY, self._batch.size // SHARE)
         self._under_way = self._background(self._batch.solve)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from omnivert.angles import wrap
 from omnivert.calibration import model
 from omnivert.calibration.corrections import first_prior
+from omnivert.calibration.layout import Layout
 from omnivert.calibration.normal import (
-    Layout,
     Unknowns,
     bearing_errors,
     increment_information,
