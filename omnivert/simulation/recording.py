@@ -15,6 +15,23 @@ SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
+class Knock:
+    """Somebody hits the camera: from `at_s` on it sits elsewhere."""
+
+    at_s: float  # since the start of the drive, by the time of the picture
+    yaw_rad: float = 0.0  # turn of the camera about its own axis, counter-clockwise: phi + psi grows by it
+    forward_m: float = 0.0  # shift along the robot's x axis
+    left_m: float = 0.0  # shift along the robot's y axis
+
+    def moved(self, mount: Array) -> Array:
+        """phi, rho, psi after it, from those before."""
+        phi, rho, psi = mount.tolist()
+        x, y = rho * np.cos(phi) + self.forward_m, rho * np.sin(phi) + self.left_m
+        after = float(np.arctan2(y, x))
+        return np.array([after, np.hypot(x, y), wrap(phi + psi + self.yaw_rad - after)])
+
+
+@dataclass(frozen=True, slots=True)
 class Scene:
     """What can be varied. The defaults are a careful robot in a room, filmed three times a second."""
 
@@ -30,22 +47,32 @@ class Scene:
     sample_s: float = 0.0196
     radius_m: float = 0.5  # of path "arc"
     repeat: int = 1  # times the path is driven
+    time_offset_s: float = 0.0  # the camera stamps late by this: a message carries t + offset, its picture shows t
+    wheel_ratio: float = 1.0  # right diameter / left diameter of the true wheels; the encoders take them as equal
+    base_factor: float = 1.0  # true wheel base / configured one
+    knock: Knock | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
     messages: tuple[Ticks | Bearings, ...]  # by stamp
-    mount: Array  # (3,) phi, rho, psi
+    mount: Array  # (3,) phi, rho, psi; before the knock, where there is one
     pose: Array  # (F, 3) the robot at each frame
     line_of_track: dict[int, Array]  # track -> (2,) m
     inlier: tuple[NDArray[np.bool_], ...]  # by frame, beside its bearings
+    scene: Scene
+    time_s: Array  # (F,) when each picture was really taken
+    sample_time_s: Array  # (S,) of the encoder samples
+    sample_wheels_m: Array  # (S, 2) right, left, cumulative, as told by the encoders before rounding to counts
+    sample_pose: Array  # (S, 3) the robot at each sample
+    mount_at: Array  # (F, 3) phi, rho, psi at each frame
 
 
 def recorded(scene: Scene, config: Config, seed: int) -> Drive:
     """The messages that bridge and vision would have sent."""
     rng = np.random.default_rng(seed)
     scale = config.encoder.metres_per_tick
-    phi, rho, psi = scene.mount or (rng.uniform(-np.pi, np.pi), rng.uniform(0.08, 0.40), rng.uniform(-np.pi, np.pi))
+    mount = np.array(scene.mount or (rng.uniform(-np.pi, np.pi), rng.uniform(0.08, 0.40), rng.uniform(-np.pi, np.pi)))
     trip = robot.drive(
         scene.path,
         config.robot.wheel_base_m,
@@ -54,10 +81,14 @@ def recorded(scene: Scene, config: Config, seed: int) -> Drive:
         rng,
         scene.radius_m,
         scene.repeat,
+        scene.wheel_ratio,
+        scene.base_factor,
     )
-    time = np.arange(0.0, trip.time_s[-1], scene.frame_s)
+    # Every stamp lies within those of the encoders, whichever way the camera's clock is off.
+    offset = scene.time_offset_s
+    time = np.arange(max(0.0, -offset), trip.time_s[-1] - max(0.0, offset), scene.frame_s)
     pose = np.stack([np.interp(time, trip.time_s, trip.pose[:, k]) for k in range(3)], axis=1)
-    count = scene.lines or int(3 * scene.visible)
+    count = int(3 * scene.visible) if scene.lines is None else scene.lines
     lines = world.lines_beside(trip.pose[:, :2], count, rng)
     if scene.lasting:
         seen = np.ones((time.size, count), dtype=np.bool_)
@@ -70,8 +101,12 @@ def recorded(scene: Scene, config: Config, seed: int) -> Drive:
         for t, (right, left) in zip(trip.time_s.tolist(), trip.wheels_m.tolist(), strict=True)
     ]
     inlier = []
+    mounts = np.tile(mount, (time.size, 1))
+    if scene.knock is not None:
+        mounts[time >= scene.knock.at_s] = scene.knock.moved(mount)
     for frame, t in enumerate(time.tolist()):
         x, y, heading = pose[frame]
+        phi, rho, psi = mounts[frame]
         camera = np.array([x + rho * np.cos(heading + phi), y + rho * np.sin(heading + phi)])
         index = np.flatnonzero(seen[frame])
         sight = lines[index] - camera
@@ -82,7 +117,7 @@ def recorded(scene: Scene, config: Config, seed: int) -> Drive:
         inlier.append(good)
         messages.append(
             Bearings(
-                stamp_ns=round(t * SECOND),
+                stamp_ns=round((t + offset) * SECOND),
                 track_id=track[frame, index],
                 bearing_rad=wrap(beta),
                 std_rad=np.full(index.size, scene.bearing_std_rad),
@@ -92,7 +127,20 @@ def recorded(scene: Scene, config: Config, seed: int) -> Drive:
         )
     messages.sort(key=lambda m: (m.stamp_ns, isinstance(m, Bearings)))
     place = {int(k): lines[j] for j in range(count) for k in np.unique(track[seen[:, j], j])}
-    return Drive(tuple(messages), np.array([wrap(phi), rho, wrap(psi)]), pose, place, tuple(inlier))
+    mounts[:, [0, 2]] = wrap(mounts[:, [0, 2]])
+    return Drive(
+        messages=tuple(messages),
+        mount=np.array([wrap(mount[0]), mount[1], wrap(mount[2])]),
+        pose=pose,
+        line_of_track=place,
+        inlier=tuple(inlier),
+        scene=scene,
+        time_s=time,
+        sample_time_s=trip.time_s,
+        sample_wheels_m=trip.wheels_m,
+        sample_pose=trip.pose,
+        mount_at=mounts,
+    )
 
 
 def _tracks(seen: NDArray[np.bool_]) -> NDArray[np.int64]:

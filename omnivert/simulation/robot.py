@@ -21,7 +21,7 @@ class Robot:
     """One drive. Samples are the encoders' own."""
 
     time_s: Array  # (S,)
-    wheels_m: Array  # (S, 2) right, left, cumulative, as the encoders tell
+    wheels_m: Array  # (S, 2) right, left, cumulative, as the encoders tell, before they are rounded to counts
     pose: Array  # (S, 3) where the robot really was
 
 
@@ -33,14 +33,19 @@ def drive(
     rng: np.random.Generator,
     radius: float = 0.5,
     repeat: int = 1,
+    wheel_ratio: float = 1.0,
+    base_factor: float = 1.0,
 ) -> Robot:
-    """A drive from (0, 0, 0).
+    """A drive from (0, 0, 0), commanded by what is configured and done by the wheels that are really there.
 
     path      paper: straight 3.3 m, then 180 deg on the spot (Fig. 25); alternate: three times 0.75 m and 90 deg;
               straight: 6 m; turn: 360 deg; arc: 40 s on a circle of `radius`; still: 40 s
-    base      m
+    base      m    as configured
     noise_k   m    variance of a wheel's displacement per metre, drawn anew at each sample
     sample_s  s    time between encoder samples
+    wheel_ratio    right diameter / left diameter of the true wheels; their mean is as configured, because the common
+                   scale of both cannot be seen from bearings
+    base_factor    true base / configured base
     """
     match path:
         case "paper":
@@ -64,11 +69,16 @@ def drive(
     if not legs:
         steps.append(np.zeros((round(40.0 / sample_s), 2)))
     told = np.concatenate(steps)
-    real = told + np.sqrt(noise_k * np.abs(told)) * rng.standard_normal(told.shape)
+    real = told * wheel_factors(wheel_ratio) + np.sqrt(noise_k * np.abs(told)) * rng.standard_normal(told.shape)
     pose = np.zeros((told.shape[0], 3))
-    for i, step in enumerate(arc(real[1:, 0], real[1:, 1], base)):
+    for i, step in enumerate(arc(real[1:, 0], real[1:, 1], base * base_factor)):
         pose[i + 1] = after(pose[i], step)
     return Robot(sample_s * np.arange(told.shape[0], dtype=np.float64), np.cumsum(told, axis=0), pose)
+
+
+def wheel_factors(ratio: float) -> Array:
+    """(2,) true displacement / told displacement of the right and the left wheel, for a ratio of their diameters."""
+    return np.array([2.0 * ratio / (1.0 + ratio), 2.0 / (1.0 + ratio)])
 
 
 def _ramped(time: Array, duration: float) -> Array:

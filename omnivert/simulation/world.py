@@ -24,7 +24,7 @@ def lines_beside(way: Array, count: int, rng: np.random.Generator) -> Array:
             off = float(np.hypot(*(thin - place).T).min())
             if NEAREST_M <= off <= NEAREST_M + BAND_M:
                 found.append(place)
-    return np.array(found[:count])
+    return np.array(found[:count]).reshape(-1, 2)
 
 
 def seen_lines(lines: Array, way: Array, visible: float, rng: np.random.Generator) -> NDArray[np.bool_]:
