@@ -1,0 +1,1 @@
+"""Many synthetic drives, their theoretical limit, and what the calibration makes of them."""
