@@ -81,7 +81,7 @@ def bound_of(
     twist[:, 2] += slopes.pose[:, 1] * x - slopes.pose[:, 0] * y
     information = _information(slopes, twist, outer, covariance)
     information += np.eye(information.shape[0]) / WEAK**2
-    return Bound((*MOUNT, *names), np.linalg.inv(information))
+    return Bound((*MOUNT, *names), np.asarray(np.linalg.inv(information), dtype=np.float64))
 
 
 def slopes_of(drive: Drive, pose: Array) -> Slopes:
