@@ -18,6 +18,7 @@ from omnivert.cli import (
     extrinsics,
     import_,
     monitor,
+    montecarlo,
     play,
     record,
     say,
@@ -44,6 +45,7 @@ app.command("calibrate")(calibrate.calibrate)
 app.command("track")(track.track)
 app.add_typer(extrinsics.app, name="extrinsics")
 app.add_typer(bench.app, name="bench")
+app.command("montecarlo")(montecarlo.montecarlo)
 app.command("config")(show_config.config)
 app.command("explain")(explain.explain)
 

@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
@@ -23,7 +23,7 @@ def runs_of(
     seed: int = 1,
     jobs: int = 1,
     oracle: Oracle | None = None,
-) -> Iterator[Run]:
+) -> Generator[Run, None, None]:
     """Each case with the seeds from `seed` on, as they are done.
 
     jobs    processes; with 1 it all happens in this one

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +121,7 @@ def run_of(case: Case, config: Config, seed: int, oracle: Oracle | None = None) 
         false_claims=false_claims(drive, config, told),
         alarm_s=tuple(
             _seconds(drive, now)
-            for before, now in zip(estimates, estimates[1:], strict=False)
+            for before, now in pairwise(estimates)
             if now.state is State.MOVED and before.state is not State.MOVED
         ),
         corrections=tuple(_corrected(part, drive, config, bound) for part in freed),
