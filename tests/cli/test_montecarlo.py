@@ -1,0 +1,69 @@
+"""`omnivert montecarlo` as a person or a script meets it."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from .conftest import Marked, Omnivert
+
+SHORT = ("montecarlo", "--paths", "straight,still", "--runs", "2", "--visible", "4")
+
+
+def test_json_holds_each_path_below_the_pooled_figures(omnivert: Omnivert, tmp_path: Path) -> None:
+    ran = omnivert(*SHORT, "--json", "--plots", tmp_path / "charts")
+    assert ran.code == 0
+    assert ran.json["runs"] == 4
+    assert ran.json["false_calibrated"] == ran.json["calibrated_runs"] == 0
+    assert set(ran.json["paths"]) == {"straight", "still"}
+    assert ran.json["efficiency"].keys() == {"filter", "smoother"}
+    assert (tmp_path / "charts" / "montecarlo-verdicts.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_table_has_a_row_for_each_path_and_the_same_seed_gives_it_again(omnivert: Omnivert) -> None:
+    first, second = (omnivert(*SHORT) for _ in range(2))
+    assert first.code == 0
+    assert first.out == second.out
+    rows = [line.split()[:2] for line in first.out.splitlines()]
+    assert ["straight", "2"] in rows
+    assert ["all", "4"] in rows
+
+
+def test_a_preset_shows_its_targets_beside_the_figures(omnivert: Omnivert) -> None:
+    ran = omnivert("montecarlo", "--preset", "degenerate", "--runs", "1", "--seed", "9")
+    assert ran.code == 0
+    assert sum(line.startswith("false calibrated") and line.endswith("✓") for line in ran.out.splitlines()) == 8
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"), [(("--paths", "papr"), "--paths paper"), (("--preset", "wrld"), "--preset world")]
+)
+def test_a_wrong_word_is_refused_with_the_right_one(omnivert: Omnivert, wrong: tuple[str, str], right: str) -> None:
+    ran = omnivert("montecarlo", *wrong)
+    assert ran.code == 2
+    assert right in ran.err
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -9)])
+def test_an_end_from_outside_leaves_no_worker(marked: Marked, number: int, code: int) -> None:
+    program = "from omnivert.cli import main; main()"
+    arguments = ("montecarlo", "--paths", "straight", "--runs", "100000", "--jobs", "2", "--json")
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, *arguments],
+        env=marked.environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    until = time.monotonic() + 60.0
+    while len(marked.processes()) < 4 and time.monotonic() < until:  # two workers, and what tracks their semaphores
+        time.sleep(0.05)
+    assert len(marked.processes()) >= 4
+    process.send_signal(number)
+    process.communicate(timeout=30.0)
+    assert process.returncode == code
+    while marked.processes() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert marked.processes() == []
