@@ -43,6 +43,7 @@ def montecarlo(
     time_offset_ms: Annotated[float, typer.Option(min=-1000.0, max=1000.0, help="The camera stamps late.")] = 0.0,
     wheel_ratio: Annotated[float, typer.Option(min=0.5, max=2.0, help="Right / left true diameter.")] = 1.0,
     base_factor: Annotated[float, typer.Option(min=0.5, max=2.0, help="True / configured wheel base.")] = 1.0,
+    free: Annotated[bool, typer.Option("--free", help="Estimate time offset, wheel ratio and base, always.")] = False,
     jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes.")] = 1,
     plots: Annotated[Path | None, typer.Option("--plots", help="Folder for charts.")] = None,
     config: ConfigOption = None,
@@ -51,6 +52,7 @@ def montecarlo(
     """Seeded synthetic drives: errors over the Cramér-Rao bound, honesty of sigmas, false claims."""
     from omnivert.simulation.recording import Scene
     from omnivert.studies.montecarlo import runs_of
+    from omnivert.studies.oracle import oracle
     from omnivert.studies.presets import Case
     from omnivert.studies.summary import study
     from omnivert.threads import one_thread
@@ -73,7 +75,7 @@ def montecarlo(
             wheel_ratio=wheel_ratio,
             base_factor=base_factor,
         )
-        cases = _cases(paths, scene, noise_k)
+        cases = _cases(paths, scene, noise_k, free)
     chosen = settings(config)
     if plots is not None:
         made_folder(plots)
@@ -81,7 +83,7 @@ def montecarlo(
     total = runs * len(cases)
     with (
         say.progress(f"{total} drives", total) as bar,
-        closing(runs_of(cases, chosen, runs, seed, min(jobs, total))) as coming,
+        closing(runs_of(cases, chosen, runs, seed, min(jobs, total), oracle)) as coming,
     ):
         for run in coming:
             done.append(run)
@@ -109,7 +111,7 @@ def _preset(name: str) -> "tuple[Case, ...]":
     return PRESETS[name]
 
 
-def _cases(paths: str, scene: Any, noise_k: float | None) -> "list[Case]":
+def _cases(paths: str, scene: Any, noise_k: float | None, free: bool) -> "list[Case]":
     from dataclasses import replace
 
     from omnivert.simulation.robot import Path as Way
@@ -121,7 +123,7 @@ def _cases(paths: str, scene: Any, noise_k: float | None) -> "list[Case]":
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
             raise UseError("OV205", f"--paths {name} is not known", help=f"--paths {','.join(near or known)}")
-        cases.append(Case(name, replace(scene, path=name), noise_k))
+        cases.append(Case(name, replace(scene, path=name), noise_k, free=free))
     return cases
 
 

@@ -86,13 +86,14 @@ def run_of(case: Case, config: Config, seed: int, oracle: Oracle | None = None) 
       that is claimed lies above one and a half times its configured limit. So every claim on a drive that is straight,
       a turn, an arc, standing, or among lines too far away is false, even where it happens to be right.
     """
-    config = with_noise(config, case.noise_k_m)
+    config = with_freedom(with_noise(config, case.noise_k_m), case.free)
     drive = recorded(case.scene, config, seed)
     calibrator = Calibrator(config)
     told: list[Estimate | Extrinsics] = []
     began = time.perf_counter()
     for message in drive.messages:
         told += calibrator.step(message)
+    live = [message for message in told if isinstance(message, Estimate)]
     told += calibrator.close()
     seconds = time.perf_counter() - began
     estimates = [message for message in told if isinstance(message, Estimate)]
@@ -107,7 +108,7 @@ def run_of(case: Case, config: Config, seed: int, oracle: Oracle | None = None) 
         case=case.name,
         seed=seed,
         mount=truth,
-        filter=_beside(last.mount, truth),
+        filter=_beside(live[-1].mount, truth) if live else None,
         smoother=_beside(last.smoother, truth),
         oracle=None if found is None else Solution(error_of(found[0], truth), found[1]),
         bound=bound.mount,
@@ -169,6 +170,15 @@ def with_noise(config: Config, noise_k_m: float | None) -> Config:
         return config
     given = config.model_dump(exclude_unset=True)
     return Config.model_validate({**given, "encoder": {**given.get("encoder", {}), "noise_k_m": noise_k_m}})
+
+
+def with_freedom(config: Config, free: bool) -> Config:
+    """The configuration with all corrections estimated from the beginning."""
+    if not free:
+        return config
+    given = config.model_dump(exclude_unset=True)
+    every = {"time_offset": "free", "wheel_ratio": "free", "wheel_base": "free"}
+    return Config.model_validate({**given, "calibration": {**given.get("calibration", {}), **every}})
 
 
 def error_of(mount: Array, truth: Array) -> Array:

@@ -27,12 +27,12 @@ def estimate(
     """One of the drive's end, off by this many sigmas."""
     time = drive.time_s[-1] if at_s is None else at_s
     frame = int(np.searchsorted(drive.time_s, time + 1e-6)) - 1
-    mount = drive.mount_at[frame] + SIGMA * (np.zeros(3) if error is None else error)
+    at = drive.mount_at[frame] + SIGMA * (np.zeros(3) if error is None else error)
     word = ParameterVerdict(state)
     return Estimate(
         stamp_ns=round(1e9 * float(time)),
         frame=frame,
-        mount=Mount(*mount.tolist(), np.diag(SIGMA**2)),
+        mount=Mount(float(at[0]), float(at[1]), float(at[2]), np.diag(SIGMA**2)),
         state=state,
         phi=word,
         rho=word if rho is None else ParameterVerdict(rho),
