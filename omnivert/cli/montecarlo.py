@@ -21,7 +21,7 @@ PATHS = "paper,alternate,straight,turn,arc,still"
 
 
 def montecarlo(
-    paths: Annotated[str, typer.Option(help=f"Of {PATHS}; with commas between.")] = PATHS,
+    paths: Annotated[str, typer.Option(help="Which paths, with commas between.")] = PATHS,
     preset: Annotated[
         str | None, typer.Option(help="A study with targets: world, one-line, degenerate or corrections.")
     ] = None,
