@@ -108,7 +108,9 @@ class Calibrator:
         if last is None or self._paper:
             return tuple(out)
         self.settle()
-        return (*out, *self._told(last.stamp_ns, [*last.reasons], final=True))
+        out += self._told(last.stamp_ns, [*last.reasons], final=True)
+        self._told_last = None
+        return tuple(out)
 
     def _take(self, bearings: Bearings) -> None:
         if bearings.stamp_ns <= self._newest_ns:

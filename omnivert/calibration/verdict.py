@@ -64,7 +64,7 @@ class Condition(StrEnum):
     INLIERS = "inliers"  # nearly all bearings agree
     HALVES = "halves"  # so do the halves of the drive
     FILTER = "filter"  # so do filter and smoother
-    TOGETHER = "together"  # phi, rho and psi lean on each other: none is claimed while another is far from its limit
+    TOGETHER = "together"  # phi, rho and psi lean on each other: none is claimed while another is beyond its limit
 
 
 def unmet(shown: Shown, limits: Calibration, before: State = State.NOT_YET) -> dict[Condition, str]:

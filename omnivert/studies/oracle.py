@@ -26,7 +26,9 @@ def oracle(drive: Drive, config: Config) -> tuple[Array, Array] | None:
     for message in drive.messages:
         if isinstance(message, Ticks):
             odometer.push(message)
-    stretch, last, frames = Stretch(config), None, []
+    stretch = Stretch(config)
+    last: int | None = None
+    frames: list[int] = []
     seen = [message for message in drive.messages if isinstance(message, Bearings)]
     for index, (frame, inlier) in enumerate(zip(seen, drive.inlier, strict=True)):
         if frame.stamp_ns > (odometer.newest_ns or 0):

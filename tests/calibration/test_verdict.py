@@ -155,7 +155,7 @@ def test_a_claim_flickers_neither_up_nor_down() -> None:
     assert judged(between, State.CALIBRATED).phi.state is State.CALIBRATED
     assert judged(replace(GOOD, covariance=spread(1.3, 0.5, 0.5)), State.CALIBRATED).phi.state is State.USABLE
     assert judged(replace(GOOD, covariance=spread(6.0, 0.5, 0.5))).phi.state is State.NOT_YET
-    assert judged(replace(GOOD, covariance=spread(1.1, 0.5, 0.5))).rho.state is State.CALIBRATED
+    assert judged(replace(GOOD, covariance=spread(1.1, 0.5, 0.5))).rho.state is State.USABLE  # none without the others
 
 
 def test_a_sigma_above_its_limit_is_told_beside_the_limit() -> None:
