@@ -26,7 +26,7 @@ from omnivert.calibration.problem import Problem
 from omnivert.calibration.seed import Seed, in_sight, seed_of
 from omnivert.calibration.smoother import Search, Solution, marginal
 from omnivert.calibration.start import started
-from omnivert.calibration.stretch import Posed, Stretch
+from omnivert.calibration.stretch import Posed, Stretch, restless
 from omnivert.config import Config
 from omnivert.messages import Correction
 from omnivert.odometry import Samples
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 RECENT = 60  # keyframes, a last part of the drive that may show the mount alone
+MOST_MOVING = 0.34  # share of the bearings that may be of moving lines
 HELD_RHO = 0.2  # m, where the camera is held while no place of it is better than another
 
 
@@ -150,7 +151,6 @@ class Batch:
             if solution is None:
                 return None
             search, solution = self._freed(search, solution)
-            self._share = solution.inlier_share
             self._shared = solution.x.shared.copy()
             result = self._result(search, posed, solution)
             if result is not None and self._config.calibration.noise == "auto":
@@ -185,7 +185,7 @@ class Batch:
             x = self._stretch.guess(posed, self._shared)
             found = search.continued(x, 12)
         kinds = len(self._all_centres())
-        doubtful = found is None or self._gap < settings.clear_gap or not self._explains(found)
+        doubtful = found is None or self._gap < settings.clear_gap or not self._explains(problem, found)
         growth = problem.frames / max(self._searched, 1)
         due = growth >= (1.15 if doubtful else 1.35)
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
@@ -224,15 +224,22 @@ class Batch:
             settings.sigma_limit_m,
         )
 
-    def _explains(self, solution: Solution) -> bool:
-        """Whether enough of the bearings agree; of a few bearings, a few more than usual may be wrong by chance."""
+    def _explains(self, problem: Problem, solution: Solution) -> bool:
+        """Whether enough of the bearings agree; of a few bearings, a few more than usual may be wrong by chance.
+
+        Lines that do not stand still are not asked, unless they are many.
+        """
         share = self._config.calibration.clear_inliers
-        chance = np.sqrt(share * (1.0 - share) / max(solution.weight.size, 1))
-        return bool(solution.inlier_share >= share - 2.0 * chance)
+        asked = ~restless(problem, solution)[problem.line]
+        if asked.sum() < (1.0 - MOST_MOVING) * asked.size:
+            asked[:] = True
+        chance = np.sqrt(share * (1.0 - share) / max(int(asked.sum()), 1))
+        self._share = float(solution.weight[asked].mean()) if asked.any() else 0.0
+        return bool(self._share >= share - 2.0 * chance)
 
     def _suspicion(self, problem: Problem, found: Solution | None) -> str:
         settings = self._config.calibration
-        if found is None or self._explains(found) or problem.frames < 30 or len(self._all_centres()) < 2:
+        if found is None or self._explains(problem, found) or problem.frames < 30 or len(self._all_centres()) < 2:
             return ""
         return wiring.suspicion(
             problem, found, settings.max_rho_m, settings.clear_inliers, settings.start_etas, settings.start_lines
@@ -255,14 +262,13 @@ class Batch:
         return again, again.polished(again.solved(replace(solution.x, shared=shared), problem.std, 20, 0.01), 2)
 
     def _result(self, search: Search, posed: Posed, solution: Solution) -> Result | None:
-        settings = self._config.calibration
-        shown, found = nominal_information(search.problem, solution)
+        settings, problem = self._config.calibration, search.problem
+        shown, found = nominal_information(problem, solution)
         self._see(shown, solution)
         x = marginal_mean(search, solution)
         mount, slope = model.polar_from_cartesian(x.mount)
-        if self._gap < settings.clear_gap or not self._explains(solution) or mount[1] > settings.max_rho_m:
+        if self._gap < settings.clear_gap or not self._explains(problem, solution) or mount[1] > settings.max_rho_m:
             return None
-        problem = posed.problem
         shown = marginal(shown + self._prior_shown, self._free)
         information, _ = search.opened(solution)
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
@@ -277,7 +283,7 @@ class Batch:
             covariance,
             slope @ covariance_from_information(shown) @ slope.T,
             self._gap,
-            solution.inlier_share,
+            self._share,
             tuple(centres(self._prior_centres + found)),
             problem.lines,
             self._halves(problem, solution),

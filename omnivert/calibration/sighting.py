@@ -23,11 +23,15 @@ class Sighting:
 
 
 def clean_sighting(bearings: Bearings, floor: float) -> tuple[Sighting, int]:
-    """The usable bearings of a frame, none believed better than `floor` (rad); and how many were not usable."""
+    """The usable bearings of a frame, none believed better than `floor` (rad); and how many were none.
+
+    Lines that the vision has seen move against the world are left out, and not counted.
+    """
     track, beta, std = bearings.track_id, bearings.bearing_rad, bearings.std_rad
     names, count = np.unique(track, return_counts=True)
     good = np.isfinite(beta) & np.isfinite(std) & (std > 0.0) & ~np.isin(track, names[count > 1])
-    order = np.flatnonzero(good)
+    still = good if bearings.looks is None else good & (bearings.looks.moving == 0)
+    order = np.flatnonzero(still)
     order = order[np.argsort(track[order], kind="stable")]
     return (
         Sighting(

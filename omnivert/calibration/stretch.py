@@ -16,8 +16,10 @@ from omnivert.odometry import Samples
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 AS_TOLD = Noise()
+STANDS = 0.5  # share of its sights that a line's place must explain
 RUN = 5  # rejected sights in a row that are taken for another line
 
 
@@ -49,6 +51,7 @@ class Stretch:
         self._line: dict[int, tuple[Array, float, float]] = {}  # name -> anchor, u, w of the last solution
         self._renamed: dict[int, int] = {}  # track -> the line that it shows now
         self._names = 0
+        self._moving: set[int] = set()  # lines that do not stand still
         self._left_behind: set[int] = set()  # tracks from before the last break that have not come again
 
     def append(self, stamp_s: float, wheels: Samples | None, track: Index, beta: Array, std: Array) -> None:
@@ -73,7 +76,7 @@ class Stretch:
         name = np.concatenate([k.line for k in frames])
         frame = np.repeat(np.arange(len(frames)), [k.line.size for k in frames])
         names, number, count = np.unique(name, return_inverse=True, return_counts=True)
-        often = np.flatnonzero(count >= fewest_sights)
+        often = np.flatnonzero((count >= fewest_sights) & ~np.isin(names, sorted(self._moving)))
         if often.size > most_lines:
             often = np.sort(often[np.argsort(-count[often], kind="stable")[:most_lines]])
         place = np.full(names.size, -1, dtype=np.int64)
@@ -120,7 +123,10 @@ class Stretch:
         if not clear:
             return
         lost = solution.weight < 0.1
-        for i in np.flatnonzero(np.bincount(posed.problem.line, lost, len(names)) >= RUN).tolist():
+        moving = restless(posed.problem, solution)
+        self._moving.update(names[i] for i in np.flatnonzero(moving).tolist())
+        runs = np.bincount(posed.problem.line, lost, len(names)) >= RUN
+        for i in np.flatnonzero(runs & ~moving).tolist():
             own = np.flatnonzero(posed.problem.line == i)
             run = _longest_run(lost[own])
             if run is not None:
@@ -172,6 +178,14 @@ class Stretch:
         if newest == last:  # the track goes on with the other line
             track = int(self.keyframes[newest].track[self.keyframes[newest].line == fresh][0])
             self._renamed[track] = fresh
+
+
+def restless(problem: Problem, solution: Solution) -> Flags:
+    """Lines (L,) of which one place explains less than half: what they are, they do not stand still."""
+    lines = solution.x.u.size
+    count = np.bincount(problem.line, minlength=lines)
+    explained = np.bincount(problem.line, solution.weight, lines)
+    return np.asarray((explained < STANDS * count) & (count >= 2 * RUN))
 
 
 def _led_on(known: Array, reckoned: Array) -> Array:
