@@ -24,7 +24,7 @@ from omnivert.cli.settings import (
 from omnivert.cli.settings import with_mode as in_mode
 from omnivert.errors import DataError, UseError
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, State
-from omnivert.pictures.words import heading, quantities, word
+from omnivert.pictures.words import bounds, corrected, heading, quantities, word
 
 if TYPE_CHECKING:
     from omnivert.config import Config
@@ -178,6 +178,11 @@ def tell(outcome: Outcome, truth: results.Truth | None) -> None:
         say.result(f"  {row}")
     if text := results.together(last.mount):
         say.result(f"  together  phi + psi = {text}")
+    if last.bound_std is not None:
+        phi, rho, psi = bounds(last)
+        say.result(f"  best possible sigmas of this drive   {phi} deg   {rho} m   {psi} deg")
+    for correction in last.corrections:
+        say.result(f"  {corrected(correction)}")
     if last.next_manoeuvre:
         say.result(f"next    {last.next_manoeuvre}")
 
@@ -192,6 +197,13 @@ def result_json(outcome: Outcome, given: Given, truth: results.Truth | None, con
         "verdicts": {name: {"state": part.state.value, "reason": part.reason} for name, part in parts.items()},
         "frames": last.frame,
         "next_manoeuvre": last.next_manoeuvre,
+        "bound_sigma": None if last.bound_std is None else last.bound_std.tolist(),
+        "smoother": None if last.smoother is None else results.mount_json(last.smoother),
+        "disagreement_sigmas": last.disagreement,
+        "corrections": {
+            part.name: {"value": part.value, "std": part.std, "freed": part.freed, "reason": part.reason}
+            for part in last.corrections
+        },
         "reasons": list(last.reasons),
         "driven_m": last.driven_m,
         "turned_rad": last.turned_rad,

@@ -24,12 +24,13 @@ from omnivert.messages import (
 )
 from omnivert.pictures.monitor_services import Services
 from omnivert.pictures.plain import plain
-from omnivert.pictures.words import Quantity, colour, counted, printable, quantities, short, word
+from omnivert.pictures.words import Quantity, bounds, colour, counted, printable, quantities, short, word
 
 BARS = "▁▂▃▄▅▆▇█"
 HISTORY_S = 60.0
 COLUMNS = 20  # of a sparkline
-VERDICT_COLUMNS = 38
+VERDICT_COLUMNS = 34
+ALARM_SIGMAS = 4.0  # filter and smoother differ by more: the verdict says so, too
 NEXT_LETTERS = 180  # two lines
 
 
@@ -195,7 +196,12 @@ class View:
 
     def _numbers(self, now_s: float) -> RenderableType:
         table = Table(box=None, padding=(0, 2, 0, 1), header_style="dim", expand=False)
-        for heading, justify, width in (("", "left", 4), ("estimate", "right", 12), ("1 sigma", "right", 9)):
+        for heading, justify, width in (
+            ("", "left", 4),
+            ("estimate", "right", 11),
+            ("1 sigma", "right", 7),
+            ("best", "right", 6),
+        ):
             table.add_column(heading, justify=justify, min_width=width)  # type: ignore[arg-type]
         table.add_column("verdict", width=VERDICT_COLUMNS)
         table.add_column("last 60 s, sigma", width=COLUMNS)
@@ -203,6 +209,7 @@ class View:
         stale = self._estimate is not None and self._stale(now_s - self._estimate[0])
         mount = None if estimate is None else estimate.mount
         parts: Iterable[Quantity | None] = (None, None, None) if mount is None else quantities(mount)
+        best = ("–",) * 3 if estimate is None else bounds(estimate)
         verdicts = (ParameterVerdict(State.WAITING),) * 3 if estimate is None else _parts(estimate)
         for index, (part, verdict) in enumerate(zip(parts, verdicts, strict=True)):
             value = "–" if part is None else f"{part.value_text} {part.unit}"
@@ -214,6 +221,7 @@ class View:
                 ("phi", "rho", "psi")[index],
                 Text(value, style="dim" if stale else "bold"),
                 Text(sigma, style="dim" if stale else ""),
+                Text(best[index], style="dim"),
                 Text(words, style=shade),
                 Text(self._spark(index, now_s), style="dim"),
             )
@@ -239,7 +247,11 @@ class View:
             return Text("")
         estimate = self._estimate[1]
         text = f" drive so far: {estimate.driven_m:.1f} m, {math.degrees(estimate.turned_rad):.0f} deg turned"
-        return Text(f"{text}, {estimate.frame} frames", style="dim", no_wrap=True, overflow="ellipsis")
+        text = f"{text}, {estimate.frame} frames"
+        if estimate.smoother is not None:
+            agree = "agree" if estimate.disagreement < ALARM_SIGMAS else "DIFFER"
+            text = f"{text}    filter and smoother {agree} ({estimate.disagreement:.1f} sigma)"
+        return Text(text, style="dim", no_wrap=True, overflow="ellipsis")
 
     def _lines(self) -> RenderableType:
         if self._estimate is None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omnivert.messages import Mount, State
+from omnivert.messages import Correction, Estimate, Mount, State
 
 PARAMETERS = ("phi", "rho", "psi")  # the order of a mount's covariance
 HUGE = 1e5  # a sigma that says nothing
@@ -63,6 +63,37 @@ def heading(mount: Mount) -> Quantity:
     variance = max(float(c[0, 0] + c[2, 2] + 2.0 * c[0, 2]), 0.0)
     total = math.degrees(math.remainder(mount.phi_rad + mount.psi_rad, math.tau))
     return Quantity("phi + psi", total, math.degrees(math.sqrt(variance)), "deg")
+
+
+def bounds(estimate: Estimate) -> tuple[str, str, str]:
+    """The smallest sigmas that this drive allows (Cramér-Rao), in the units that people read; "–" where not known."""
+    if estimate.bound_std is None:
+        return "–", "–", "–"
+    phi, rho, psi = estimate.bound_std.tolist()
+    best = (math.degrees(phi), rho, math.degrees(psi))
+    return tuple(f"{value:.{decimals_of(value)}f}" for value in best)  # type: ignore[return-value]
+
+
+def corrected(correction: Correction) -> str:
+    """A correction in words: what it is, how sure, or why it is held."""
+    match correction.name:
+        case "time_offset":
+            name, unit, scale, zero = "time offset", "ms", 1e3, 0.0
+        case "wheel_ratio":
+            name, unit, scale, zero = "right wheel larger by", "%", 100.0, 1.0
+        case "wheel_base":
+            name, unit, scale, zero = "wheel base", "m", 1.0, 0.0
+        case "noise_k":
+            name, unit, scale, zero = "wheel noise K", "mm", 1e3, 0.0
+        case "bearing_noise":
+            name, unit, scale, zero = "bearing noise", "times as told", 1.0, 0.0
+        case _:
+            name, unit, scale, zero = printable(correction.name), "", 1.0, 0.0
+    value, sigma = scale * (correction.value - zero), scale * correction.std
+    if not correction.freed:
+        return f"{name}  {value:.4g} {unit}, {printable(correction.reason)}"
+    digits = decimals_of(sigma)
+    return f"{name}  {value:.{digits}f} ± {sigma:.{digits}f} {unit}"
 
 
 def printable(text: str) -> str:
