@@ -26,7 +26,7 @@ from omnivert.calibration.problem import Problem
 from omnivert.calibration.seed import Seed, in_sight, seed_of
 from omnivert.calibration.smoother import Search, Solution, marginal
 from omnivert.calibration.start import started
-from omnivert.calibration.stretch import Posed, Stretch, restless
+from omnivert.calibration.stretch import AS_TOLD, Posed, Stretch, restless
 from omnivert.config import Config
 from omnivert.messages import Correction
 from omnivert.odometry import Samples
@@ -104,7 +104,7 @@ class Keyed:
 class Batch:
     """Gathers keyframes; solves when told to. A long drive is solved stretch by stretch, each the next one's prior."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, noise: Noise = AS_TOLD) -> None:
         self._config = config
         self._stretch = Stretch(config)
         self._shared: Array | None = None  # mount (eta, cx, cy) and corrections of the last solution
@@ -120,7 +120,7 @@ class Batch:
         self._share = 1.0
         self._wrong = ""
         self._seen: Seen | None = None
-        self._noise = Noise()
+        self._noise = noise
 
     def append(self, key: Keyed) -> None:
         self._stretch.append(key.stamp_s, key.wheels, key.track, key.beta, key.std)

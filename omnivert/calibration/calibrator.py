@@ -167,7 +167,7 @@ class Calibrator:
         self._moved = knock
         self._stored = None
         self._smoothing.finished()
-        self._smoothing = Smoothing(Batch(self._config), self._background)
+        self._smoothing = Smoothing(Batch(self._config, self._noise), self._background)
         self._pulse = Pulse()
 
     def _adopt(self, outcome: Outcome | None, reasons: list[str]) -> None:

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 BETTER = 0.9  # a claim is news when a sigma has fallen to this share of what was claimed
 FRAMES = 15  # between two claims, at least
+SETTLED = 45  # frames of driving after the first claim: a filter that was seeded just now still bends, and would alarm
 
 
 class Claims:
@@ -24,7 +25,9 @@ class Claims:
         self._config = config
         self._last: Extrinsics | None = None
         self._watchdog: Watchdog | None = None
+        self._settling = 0  # frames of driving since the first claim
         if stored is not None:
+            self._settling = SETTLED
             self._remember(stored)
 
     def is_news(self, estimate: Estimate, final: bool) -> bool:
@@ -48,13 +51,17 @@ class Claims:
 
     def forget(self) -> None:
         """The drive contradicts them."""
-        self._last, self._watchdog = None, None
+        self._last, self._watchdog, self._settling = None, None, 0
 
     def watched(self, stamp_ns: int, still: bool, sighting: Sighting, pulse: Pulse, fresh: Innovation | None) -> str:
         """What has become of the camera since it was claimed: empty, or how it moved.
 
         fresh  what the filter made of this frame; None when it was not asked
         """
+        if self._last is not None and fresh is not None and self._settling < SETTLED:
+            self._settling += 1
+            if self._settling == SETTLED:
+                self._watch(self._last.mount)
         dog, known = self._watchdog, pulse.filter
         if dog is None or known is None:
             return ""
@@ -78,7 +85,10 @@ class Claims:
 
     def _remember(self, extrinsics: Extrinsics) -> None:
         self._last = extrinsics
-        mount = extrinsics.mount
+        if self._settling >= SETTLED:
+            self._watch(extrinsics.mount)
+
+    def _watch(self, mount: Mount) -> None:
         at = np.array([mount.phi_rad, mount.rho_m, mount.psi_rad])
         if self._watchdog is None:
             self._watchdog = Watchdog(at, mount.covariance)
