@@ -16,6 +16,7 @@ from omnivert.calibration.observability import larger
 from omnivert.calibration.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
 from omnivert.calibration.smoothing import Background, Smoothing, at_once
+from omnivert.calibration.steadiness import Steadiness
 from omnivert.calibration.verdict import Shown, Verdict, paper_verdict, verdict
 from omnivert.calibration.way import Way
 from omnivert.config import Config
@@ -49,6 +50,7 @@ class Calibrator:
         self._frames = 0
         self._pulse = Pulse()
         self._noise = Noise()
+        self._steadiness = Steadiness()
         self._lines_seen = 0
         self._state = State.WAITING
         self._moved = ""  # how the camera was knocked, until it is calibrated anew
@@ -169,11 +171,13 @@ class Calibrator:
         self._smoothing.finished()
         self._smoothing = Smoothing(Batch(self._config, self._noise), self._background)
         self._pulse = Pulse()
+        self._steadiness = Steadiness()
 
     def _adopt(self, outcome: Outcome | None, reasons: list[str]) -> None:
         """The filter goes on from the batch's joint, each time there is one: it only bridges what comes between."""
         if outcome is None:
             return
+        self._steadiness.step(outcome)
         result = outcome.result
         running = self._pulse.filter
         if result is None or len(result.centres) < 2:  # nothing to start from
@@ -292,6 +296,7 @@ class Calibrator:
             seen=outcome.seen,
             todo=None if result is None else result.todo,
             gap=np.inf if result is None or self._stored is not None else result.gap,
+            steady=self._steadiness.keyframes,
             phi_rad=None if mount is None else float(mount[0]),
         )
         judged = verdict(shown, self._config.calibration, self._state)

@@ -39,6 +39,7 @@ class Shown:
     todo: Manoeuvre | None = None  # what would help most; None: not evaluated
     gap: float = np.inf  # -2 log likelihood to the next best, different solution
     inlier_share: float = 1.0
+    steady: int = 10_000  # keyframes over which results have agreed with each other
     phi_rad: float | None = None  # with rho, where the camera is; None: only its distance is known
 
 
@@ -63,6 +64,7 @@ class Condition(StrEnum):
     CLEAR = "clear"  # no different mount explains the drive about as well
     INLIERS = "inliers"  # nearly all bearings agree
     HALVES = "halves"  # so do the halves of the drive
+    STEADY = "steady"  # and it has stood the drive that followed
     FILTER = "filter"  # so do filter and smoother
     TOGETHER = "together"  # phi, rho and psi lean on each other: none is claimed while another is beyond its limit
 
@@ -93,6 +95,8 @@ def unmet(shown: Shown, limits: Calibration, before: State = State.NOT_YET) -> d
     if not shown.inlier_share >= limits.clear_inliers:
         share = 100.0 * shown.inlier_share
         found[Condition.INLIERS] = f"because only {share:.0f} % of the bearings agree with it"
+    if shown.steady < limits.steady_keyframes:
+        found[Condition.STEADY] = "because it is new: it must hold over a little more of the drive"
     if not shown.disagreement <= limits.max_disagreement:
         found[Condition.HALVES] = "because the two halves of the drive do not agree about it"
     return found

@@ -61,6 +61,8 @@ class Calibration(Section):
     """A claim once made holds until a sigma is this many times its limit: so that it does not flicker."""
     usable_limits: float = Field(5.0, ge=1.0, le=1000.0)
     """A parameter is usable when its sigma is at most this many times its limit."""
+    steady_keyframes: int = Field(24, ge=0, le=10_000)
+    """Nothing is claimed before results have agreed with each other over so many keyframes."""
     lean_limits: float = Field(1.0, ge=1.0, le=1000.0)
     """No parameter is calibrated while the sigma of another is more than this many times its limit."""
     apart_sigmas: float = Field(3.0, gt=0.0, le=100.0)
