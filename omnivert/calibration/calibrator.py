@@ -50,7 +50,7 @@ class Calibrator:
         self._frames = 0
         self._pulse = Pulse()
         self._noise = Noise()
-        self._steadiness = Steadiness()
+        self._steadiness = Steadiness(self._config.calibration)
         self._lines_seen = 0
         self._state = State.WAITING
         self._moved = ""  # how the camera was knocked, until it is calibrated anew
@@ -171,7 +171,7 @@ class Calibrator:
         self._smoothing.finished()
         self._smoothing = Smoothing(Batch(self._config, self._noise), self._background)
         self._pulse = Pulse()
-        self._steadiness = Steadiness()
+        self._steadiness = Steadiness(self._config.calibration)
 
     def _adopt(self, outcome: Outcome | None, reasons: list[str]) -> None:
         """The filter goes on from the batch's joint, each time there is one: it only bridges what comes between."""
