@@ -8,9 +8,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from omnivert.calibration.batch import Outcome
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.smoothing import Background
+from omnivert.calibration.solver.batch import Outcome
 from omnivert.calibration.warm_up import warm_up
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Playback, Receipt, Ticks

@@ -52,7 +52,7 @@ ONE_ROOM = {
     "zenoh": "omnivert/wire/bus.py",
     "msgpack": "omnivert/wire/codec.py",
     "mcap": "omnivert/wire/mcap_file.py",
-    "filterpy": "omnivert/calibration/ekf.py",
+    "filterpy": "omnivert/calibration/kalman/ekf.py",
     "sqlite3": "omnivert/store.py",
     "numba": "omnivert/compiled.py",
     "serial": "omnivert/drivers/serial_line.py",

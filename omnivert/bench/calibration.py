@@ -12,13 +12,13 @@ from omnivert.angles import wrap
 from omnivert.bench.growth import picture_with_lines
 from omnivert.bench.spread import Spread
 from omnivert.bench.yardstick import sobel_pair_s
-from omnivert.calibration.corrections import first_prior
-from omnivert.calibration.ekf import Evidence, Filter, Rules
-from omnivert.calibration.problem import Problem
+from omnivert.calibration.judging.corrections import first_prior
+from omnivert.calibration.kalman.ekf import Evidence, Filter, Rules
+from omnivert.calibration.kalman.watchdog import Watchdog
 from omnivert.calibration.sighting import clean_sighting
-from omnivert.calibration.start import started
-from omnivert.calibration.stretch import Stretch
-from omnivert.calibration.watchdog import Watchdog
+from omnivert.calibration.solver.problem import Problem
+from omnivert.calibration.solver.start import started
+from omnivert.calibration.solver.stretch import Stretch
 from omnivert.config import Config
 from omnivert.messages import Bearings, Ticks
 from omnivert.odometry import SECOND, Odometer, Samples, after

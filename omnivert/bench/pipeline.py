@@ -12,7 +12,7 @@ import cv2
 from omnivert.bench.spread import Spread
 from omnivert.bench.yardstick import sobel_pair_s
 from omnivert.calibration.calibrator import Calibrator
-from omnivert.calibration.ekf import Filter
+from omnivert.calibration.kalman.ekf import Filter
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Frame, Ticks
 from omnivert.timeline import Timeline

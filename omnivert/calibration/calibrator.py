@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration.batch import Batch, Keyed, Outcome, Result
-from omnivert.calibration.claims import Claims
-from omnivert.calibration.ekf import Filter, Innovation, Rules, rules_of_the_paper
-from omnivert.calibration.noise import Noise
-from omnivert.calibration.observability import larger
-from omnivert.calibration.pulse import Pulse
+from omnivert.calibration.judging.claims import Claims
+from omnivert.calibration.judging.observability import larger
+from omnivert.calibration.judging.steadiness import Steadiness
+from omnivert.calibration.judging.verdict import Shown, Verdict, paper_verdict, verdict
+from omnivert.calibration.kalman.ekf import Filter, Innovation, Rules, rules_of_the_paper
+from omnivert.calibration.kalman.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
 from omnivert.calibration.smoothing import Background, Smoothing, at_once
-from omnivert.calibration.steadiness import Steadiness
-from omnivert.calibration.verdict import Shown, Verdict, paper_verdict, verdict
+from omnivert.calibration.solver.batch import Batch, Keyed, Outcome, Result
+from omnivert.calibration.solver.noise import Noise
 from omnivert.calibration.way import Way
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks

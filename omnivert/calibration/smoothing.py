@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from omnivert.calibration.batch import Batch, Keyed, Outcome, Recent, Result
+from omnivert.calibration.solver.batch import Batch, Keyed, Outcome, Recent, Result
 
 R = TypeVar("R")
 Job = Callable[[], R]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration.noise import Noise
+from omnivert.calibration.solver.noise import Noise
 from omnivert.config import Config
 from omnivert.messages import Ticks
 from omnivert.odometry import SECOND, Motion, Odometer, Samples, nothing

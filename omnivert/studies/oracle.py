@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration import model
-from omnivert.calibration.corrections import first_prior
-from omnivert.calibration.marginal import marginal_mean
-from omnivert.calibration.normal import Unknowns
-from omnivert.calibration.smoother import Search, marginal
-from omnivert.calibration.stretch import Stretch
-from omnivert.calibration.triangulation import anchors
+from omnivert.calibration.judging.corrections import first_prior
+from omnivert.calibration.kalman import model
+from omnivert.calibration.solver.marginal import marginal_mean
+from omnivert.calibration.solver.normal import Unknowns
+from omnivert.calibration.solver.smoother import Search, marginal
+from omnivert.calibration.solver.stretch import Stretch
+from omnivert.calibration.solver.triangulation import anchors
 from omnivert.config import Config
 from omnivert.messages import Bearings, Ticks
 from omnivert.odometry import SECOND, Odometer

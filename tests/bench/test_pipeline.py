@@ -11,7 +11,7 @@ from omnivert.bench import pipeline
 from omnivert.bench.latency import latency
 from omnivert.bench.pipeline import pipeline_times
 from omnivert.bench.spread import Spread
-from omnivert.calibration.ekf import Filter
+from omnivert.calibration.kalman.ekf import Filter
 from omnivert.cli.app import run
 from omnivert.cli.settings import recording_path
 from omnivert.config import Config

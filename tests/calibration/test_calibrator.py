@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from omnivert.angles import wrap
 from omnivert.calibration.calibrator import Calibrator
-from omnivert.calibration.observability import Piece
-from omnivert.calibration.verdict import Shown, verdict
+from omnivert.calibration.judging.observability import Piece
+from omnivert.calibration.judging.verdict import Shown, verdict
 from omnivert.config import Calibration, Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
 from omnivert.simulation.recording import Drive, Scene, recorded

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration.batch import Outcome
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.smoothing import Background, at_once
+from omnivert.calibration.solver.batch import Outcome
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, State, Ticks
 from omnivert.simulation.recording import Drive, Knock, Scene, recorded

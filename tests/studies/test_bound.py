@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.calibration import model
+from omnivert.calibration.kalman import model
 from omnivert.config import Config
 from omnivert.messages import Bearings
 from omnivert.odometry import after, arc

@@ -1,0 +1,348 @@
+"""Start and smoother over the drive so far: which mount, how sure, how clear, and what of the way has shown it."""
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnivert.angles import wrap
+from omnivert.calibration.judging import corrections
+from omnivert.calibration.judging.manoeuvre import Manoeuvre, Outlook, best_manoeuvre
+from omnivert.calibration.judging.observability import (
+    Piece,
+    Seen,
+    centres,
+    covariance_from_information,
+    larger,
+    pieces,
+    seen,
+)
+from omnivert.calibration.kalman import model
+from omnivert.calibration.solver import noise, wiring
+from omnivert.calibration.solver.marginal import marginal_mean
+from omnivert.calibration.solver.noise import Component, Noise
+from omnivert.calibration.solver.nominal import nominal_information
+from omnivert.calibration.solver.parts import part_alone
+from omnivert.calibration.solver.problem import Problem
+from omnivert.calibration.solver.seed import Seed, in_sight, seed_of
+from omnivert.calibration.solver.smoother import Search, Solution, marginal
+from omnivert.calibration.solver.start import started
+from omnivert.calibration.solver.stretch import AS_TOLD, Posed, Stretch, restless
+from omnivert.config import Config
+from omnivert.messages import Correction
+from omnivert.odometry import Samples
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+RECENT = 60  # keyframes, a last part of the drive that may show the mount alone
+MOST_MOVING = 0.34  # share of the bearings that may be of moving lines
+HELD_RHO = 0.2  # m, where the camera is held while no place of it is better than another
+
+
+Recent = tuple[float, Array, Array]  # since when (s), phi, rho, psi (3,), covariance (3, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """One solution over the whole stretch, and what was joined from earlier ones."""
+
+    mount: Array  # (3,) phi, rho, psi
+    covariance: Array  # (3, 3), as the solution has it
+    shown: Array  # (3, 3), as the nominal way has it
+    gap: float  # -2 log likelihood to the next best, different solution
+    inlier_share: float
+    centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
+    lines: int
+    disagreement: float  # of the halves of the drive, chi-square of 3 degrees of freedom
+    seed: Seed
+    corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
+    told: tuple[Correction, ...]  # the same for people
+    residuals: tuple[Component, Component]  # of the wheels, of the bearings
+    noise: Noise  # used
+    recent: Recent | None  # the mount as the last part of the drive alone has it; None where that does not show it
+    todo: Manoeuvre  # what to drive next, to know more
+
+    @property
+    def honest_covariance(self) -> Array:
+        return self.covariance + self.excess
+
+    def sum_sigma(self) -> float:
+        """Sigma of phi + psi, rad."""
+        both = np.array([1.0, 0.0, 1.0])
+        return float(np.sqrt(both @ self.honest_covariance @ both))
+
+    @property
+    def excess(self) -> Array:
+        """What the nominal way leaves open beyond the solution's own covariance (3, 3)."""
+        gap = larger(self.covariance, self.shown) - self.covariance
+        return 0.5 * (gap + gap.T)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What one call of the solver has found."""
+
+    result: Result | None  # None while there is no single clear solution
+    centres: tuple[Piece, ...]  # clearly different centres of rotation so far, as the wheels tell
+    seen: Seen | None  # what the drive shows, also where it shows no single mount; None: no line was seen
+    share: float  # of the bearings that the best solution explains, clear or not
+    wrong: str  # what is wired wrongly, as far as the drive tells
+    keyframes: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyed:
+    """A keyframe as it comes."""
+
+    stamp_s: float
+    wheels: Samples | None  # since the one before; None where their way is unknown
+    track: Index  # (N,)
+    beta: Array  # (N,) rad
+    std: Array  # (N,) rad
+
+
+class Batch:
+    """Gathers keyframes; solves when told to. A long drive is solved stretch by stretch, each the next one's prior."""
+
+    def __init__(self, config: Config, noise: Noise = AS_TOLD) -> None:
+        self._config = config
+        self._stretch = Stretch(config)
+        self._shared: Array | None = None  # mount (eta, cx, cy) and corrections of the last solution
+        self._prior = corrections.first_prior()
+        self._prior_shown = self._prior.information
+        self._free = corrections.freed_at_first(config)
+        self._prior_centres: list[Piece] = []
+        self._centres: tuple[Piece, ...] | None = None  # of all keyframes; None when not known yet
+        self._gap = 0.0
+        self._searched = 0  # keyframes at the last global start
+        self._searched_kinds = 0  # different centres of rotation in it
+        self._keyframes = 0  # since the beginning
+        self._share = 1.0
+        self._wrong = ""
+        self._seen: Seen | None = None
+        self._noise = noise
+
+    def append(self, key: Keyed) -> None:
+        self._stretch.append(key.stamp_s, key.wheels, key.track, key.beta, key.std)
+        self._centres = None
+        self._keyframes += 1
+
+    @property
+    def size(self) -> int:
+        """Keyframes that are solved together now."""
+        return len(self._stretch.keyframes)
+
+    def solve(self) -> Outcome:
+        """The best mount for all keyframes, if there is a single clear one."""
+        result = self._solved()
+        return Outcome(result, self._all_centres(), self._seen, self._share, self._wrong, self._keyframes)
+
+    def _solved(self) -> Result | None:
+        posed = self._posed()
+        problem = posed.problem
+        if problem.lines < 1 or problem.frames < 8 or problem.beta.size < 3 * problem.lines:
+            return None
+        if len(self._all_centres()) < 2:
+            self._glimpse(problem)
+            return None
+        search = Search(problem)
+        try:
+            solution = self._solution(search, posed)
+            if solution is None:
+                return None
+            search, solution = self._freed(search, solution)
+            self._shared = solution.x.shared.copy()
+            result = self._result(search, posed, solution)
+            if result is not None and self._config.calibration.noise == "auto":
+                self._noise = noise.updated(self._noise, *result.residuals)
+            self._stretch.remember(posed, solution, clear=result is not None)
+            if problem.frames >= self._config.calibration.window_keyframes:
+                self._cut(problem.frames // 2)
+        except ArithmeticError:  # this stretch determines nothing yet
+            return None
+        return result
+
+    def _all_centres(self) -> tuple[Piece, ...]:
+        """Clearly different centres of rotation so far, as the wheels tell."""
+        if self._centres is None:
+            encoder = self._config.encoder
+            ways = [k.wheels for k in self._stretch.keyframes[1:]]
+            wheels = np.array([(0.0, 0.0) if w is None else w.moved_m for w in ways]).reshape(-1, 2)
+            k = self._noise.wheels * encoder.noise_k_m
+            found = pieces(wheels, self._config.robot.wheel_base_m, k, encoder.metres_per_tick)
+            self._centres = tuple(centres(self._prior_centres + found))
+        return self._centres
+
+    def _posed(self) -> Posed:
+        prior = replace(self._prior, free=np.concatenate([np.ones(3, dtype=np.bool_), self._free]))
+        return self._stretch.posed(prior, self._config.calibration.window_lines, 4, self._noise)
+
+    def _solution(self, search: Search, posed: Posed) -> Solution | None:
+        settings = self._config.calibration
+        problem = posed.problem
+        found: Solution | None = None
+        if self._shared is not None:
+            x = self._stretch.guess(posed, self._shared)
+            found = search.continued(x, 12)
+        kinds = len(self._all_centres())
+        doubtful = found is None or self._gap < settings.clear_gap or not self._explains(problem, found)
+        growth = problem.frames / max(self._searched, 1)
+        due = growth >= (1.15 if doubtful else 1.35)
+        # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
+        if due or kinds != self._searched_kinds:
+            self._searched, self._searched_kinds = problem.frames, kinds
+            start = started(problem, settings.max_rho_m, settings.start_etas, settings.start_lines)
+            if start is not None:
+                if found is None or start.solution.score < found.score - 3.0:
+                    found = start.solution
+                self._gap = start.gap
+            self._wrong = self._suspicion(problem, found)
+        return found
+
+    def _glimpse(self, problem: Problem) -> None:
+        """What a drive about one centre of rotation shows.
+
+        No place of the camera is better than another, and a free one slides into the centre; so one is held.
+        """
+        settings = self._config.calibration
+        if problem.frames < 1.5 * self._searched:
+            return
+        self._searched = problem.frames
+        start = started(problem, settings.max_rho_m, 1, settings.start_lines, np.array([HELD_RHO, 0.0]))
+        if start is not None:
+            with suppress(ArithmeticError):
+                shown, _ = nominal_information(problem, start.solution)
+                self._see(shown, start.solution)
+
+    def _see(self, shown: Array, solution: Solution) -> None:
+        settings = self._config.calibration
+        self._seen = seen(
+            marginal(shown + self._prior_shown, self._free),
+            solution.x.mount,
+            self._all_centres(),
+            np.deg2rad(settings.sigma_limit_deg),
+            settings.sigma_limit_m,
+        )
+
+    def _explains(self, problem: Problem, solution: Solution) -> bool:
+        """Whether enough of the bearings agree; of a few bearings, a few more than usual may be wrong by chance.
+
+        Lines that do not stand still are not asked, unless they are many.
+        """
+        share = self._config.calibration.clear_inliers
+        asked = ~restless(problem, solution)[problem.line]
+        if asked.sum() < (1.0 - MOST_MOVING) * asked.size:
+            asked[:] = True
+        chance = np.sqrt(share * (1.0 - share) / max(int(asked.sum()), 1))
+        self._share = float(solution.weight[asked].mean()) if asked.any() else 0.0
+        return bool(self._share >= share - 2.0 * chance)
+
+    def _suspicion(self, problem: Problem, found: Solution | None) -> str:
+        settings = self._config.calibration
+        if found is None or self._explains(problem, found) or problem.frames < 30 or len(self._all_centres()) < 2:
+            return ""
+        return wiring.suspicion(
+            problem, found, settings.max_rho_m, settings.clear_inliers, settings.start_etas, settings.start_lines
+        )
+
+    def _freed(self, search: Search, solution: Solution) -> tuple[Search, Solution]:
+        """The solution with those corrections freed that the drive shows."""
+        if len(self._all_centres()) < 2 or self._gap < self._config.calibration.clear_gap:
+            return search, solution
+        information, step = search.opened(solution)
+        free = corrections.freed(self._config, self._free, information, step, solution.x.corrections)
+        if (free == self._free).all():
+            return search, solution
+        self._free = free
+        problem = search.problem
+        prior = replace(problem.prior, free=np.concatenate([np.ones(3, dtype=np.bool_), free]))
+        again = Search(replace(problem, prior=prior))
+        shared = solution.x.shared.copy()
+        shared[3:] = np.where(free, shared[3:], prior.held)
+        return again, again.polished(again.solved(replace(solution.x, shared=shared), problem.std, 20, 0.01), 2)
+
+    def _result(self, search: Search, posed: Posed, solution: Solution) -> Result | None:
+        settings, problem = self._config.calibration, search.problem
+        shown, found = nominal_information(problem, solution)
+        self._see(shown, solution)
+        x = marginal_mean(search, solution)
+        mount, slope = model.polar_from_cartesian(x.mount)
+        if self._gap < settings.clear_gap or not self._explains(problem, solution) or mount[1] > settings.max_rho_m:
+            return None
+        shown = marginal(shown + self._prior_shown, self._free)
+        information, _ = search.opened(solution)
+        covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
+        at = x.corrections
+        newest = self._stretch.keyframes[-1]
+        seed = seed_of(newest.line, newest.track, posed.names, solution, x)
+        residuals = noise.components(search, solution)
+        limit = np.array([np.deg2rad(settings.sigma_limit_deg), settings.sigma_limit_m, 0.0])
+        limit[2] = limit[0]
+        return Result(
+            mount,
+            covariance,
+            slope @ covariance_from_information(shown) @ slope.T,
+            self._gap,
+            self._share,
+            tuple(centres(self._prior_centres + found)),
+            problem.lines,
+            self._halves(problem, solution),
+            seed,
+            at.copy(),
+            corrections.told(self._config, self._free, at, corrections.stds(information))
+            + noise.told(self._noise, residuals, self._config.encoder.noise_k_m),
+            residuals,
+            self._noise,
+            self._recent(problem, solution),
+            best_manoeuvre(mount, shown, in_sight(seed), self._outlook(problem), limit),
+        )
+
+    def _halves(self, problem: Problem, solution: Solution) -> float:
+        """How far the halves of the stretch disagree about the mount: chi-square of three degrees of freedom."""
+        middle = problem.frames // 2
+        found = [part_alone(problem, solution, a, b) for a, b in ((0, middle), (middle, problem.frames))]
+        if found[0] is None or found[1] is None:
+            return 0.0
+        off = found[0][0] - found[1][0]
+        off[0] = wrap(float(off[0]))
+        return float(off @ np.linalg.solve(found[0][1] + found[1][1], off))
+
+    def _recent(self, problem: Problem, solution: Solution) -> Recent | None:
+        first = problem.frames - RECENT
+        if first < RECENT // 2:
+            return None
+        moved = problem.increments(solution.x.corrections).wheels_m[first:]
+        wheels = problem.wheels
+        if len(centres(pieces(moved, wheels.base_m, wheels.noise_k_m, wheels.tick_m))) < 2:
+            return None
+        alone = part_alone(problem, solution, first, problem.frames)
+        if alone is None:
+            return None
+        mount, slope = model.polar_from_cartesian(alone[0])
+        return float(problem.stamp_s[first]), mount, slope @ alone[1] @ slope.T
+
+    def _outlook(self, problem: Problem) -> Outlook:
+        robot, encoder = self._config.robot, self._config.encoder
+        return Outlook(robot.wheel_base_m, self._noise.wheels * encoder.noise_k_m, float(np.median(problem.std)))
+
+    def _cut(self, count: int) -> None:
+        """The first `count` keyframes become the prior of the rest. Lines across the cut start anew: counted once."""
+        rest = self._stretch.keyframes[count:]
+        self._stretch.keyframes = self._stretch.keyframes[:count]
+        posed = self._posed()
+        clear = self._shared is not None and self._gap >= self._config.calibration.clear_gap
+        if clear and self._shared is not None and posed.problem.lines and posed.problem.frames > 2:
+            problem = posed.problem
+            search = Search(problem)
+            solution = search.solved(self._stretch.guess(posed, self._shared), problem.std, 12, 0.01)
+            shown, found = nominal_information(problem, solution)
+            self._prior_shown = self._prior_shown + shown
+            information, step = search.opened(solution)
+            self._prior = replace(self._prior, mean=solution.x.shared + step, information=information)
+            self._prior_centres += centres(found)
+        self._stretch.keyframes += rest
+        self._stretch.drop_first(count)
+        self._centres = None
+        self._searched = len(rest)

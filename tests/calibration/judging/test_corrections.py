@@ -1,0 +1,92 @@
+"""Clock offset, wheel ratio and base: freed when the drive shows them, held and said so when it does not."""
+
+import numpy as np
+import pytest
+
+from omnivert.calibration.calibrator import Calibrator
+from omnivert.calibration.judging.corrections import first_prior, freed, freed_at_first
+from omnivert.config import Calibration, Config
+from omnivert.messages import Estimate
+from omnivert.simulation.recording import Drive, Scene, recorded
+
+ALL_FREE = Config(calibration=Calibration(time_offset="free", wheel_ratio="free", wheel_base="free"))
+
+
+def last_of(drive: Drive, config: Config) -> Estimate:
+    calibrator = Calibrator(config)
+    for message in drive.messages:
+        calibrator.step(message)
+    return [told for told in calibrator.close() if isinstance(told, Estimate)][-1]
+
+
+def test_late_stamps_and_wrong_wheels_are_found() -> None:
+    scene = Scene(path="alternate", repeat=2, time_offset_s=0.083, wheel_ratio=1.02, base_factor=1.05)
+    truth = {"time_offset": 0.083, "wheel_ratio": 1.02, "wheel_base": 0.40 * 1.05}
+    for seed in (3, 4):
+        drive = recorded(scene, Config(), seed)
+        last = last_of(drive, ALL_FREE)
+        for part in last.corrections:
+            if part.name in truth:
+                assert part.freed
+                assert abs(part.value - truth[part.name]) < 3.5 * part.std
+        assert last.mount is not None
+        assert abs(last.mount.rho_m - drive.mount[1]) < 4.0 * np.sqrt(last.mount.covariance[1, 1])
+
+
+def test_what_the_drive_does_not_show_is_held_and_said() -> None:
+    last = last_of(recorded(Scene(path="paper"), Config(), 2), Config())
+    ratio = next(part for part in last.corrections if part.name == "wheel_ratio")
+    assert (ratio.value, ratio.freed) == (1.0, False)
+    assert ratio.reason.startswith("held: this drive shows it to ")
+
+
+def test_settings_have_the_last_word() -> None:
+    sharp, nothing = np.diag([1e6] * 6), np.zeros(6)
+    before = np.zeros(3, dtype=np.bool_)
+    held = Config(calibration=Calibration(time_offset="held", wheel_base="free"))
+    assert freed(held, before, sharp, nothing, np.zeros(3)).tolist() == [False, True, True]
+    assert freed(held, before, first_prior().information + 1e-3 * np.eye(6), nothing, np.zeros(3)).tolist() == [
+        False,
+        False,
+        True,
+    ]
+    assert freed_at_first(held).tolist() == [False, False, True]
+
+
+def test_a_value_far_from_the_configured_one_is_freed_however_badly_it_is_seen() -> None:
+    information = np.diag([1e6, 1e6, 1e6, 1.0 / 0.02**2, 1e2, 1e2])
+    step = np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
+    free = freed(Config(), np.zeros(3, dtype=np.bool_), information, step, np.zeros(3))
+    assert free.tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.12])
+def test_the_filter_drives_by_the_corrected_clock(late: float) -> None:
+    """Without the correction the pulse would miss each frame by the way of that time, and the smoother with it."""
+    scene = Scene(path="alternate", repeat=2, time_offset_s=late)
+    config = replace_calibration(time_offset="free")
+    calibrator, last = Calibrator(config), None
+    for message in recorded(scene, Config(), 6).messages:
+        for told in calibrator.step(message):
+            last = told if isinstance(told, Estimate) else last
+    assert last is not None
+    assert last.smoother is not None
+    assert last.disagreement < 1.5
+    assert last.lines_rejected <= 3
+
+
+def replace_calibration(**given: str) -> Config:
+    return replace_config(Config(), Calibration(**given))  # type: ignore[arg-type]
+
+
+def replace_config(config: Config, calibration: Calibration) -> Config:
+    return config.model_copy(update={"calibration": calibration})
+
+
+def test_a_free_correction_widens_what_is_claimed() -> None:
+    drive = recorded(Scene(path="alternate"), Config(), 8)
+    held = last_of(drive, replace_calibration(time_offset="held", wheel_ratio="held", wheel_base="held"))
+    free = last_of(drive, ALL_FREE)
+    assert held.mount is not None
+    assert free.mount is not None
+    assert np.diag(free.mount.covariance)[0] > 1.05 * np.diag(held.mount.covariance)[0]
