@@ -79,10 +79,10 @@ def played(recording: Path, *more: str) -> tuple[str, ...]:
 
 @pytest.fixture
 def part(file: Path, folder: Path) -> Path:
-    """The first 28 s of the corridor: enough to be calibrated."""
+    """The first 38 s of the corridor: enough to be calibrated."""
     corridor, path = Recording(CORRIDOR), folder / "part.mcap"
     with RecordingWriter(path, corridor.config(load(file))) as writer:
-        for key, message in corridor.messages((Frame, Ticks), None, 28.0):
+        for key, message in corridor.messages((Frame, Ticks), None, 38.0):
             writer.write(key, message)
     return path
 

@@ -89,6 +89,7 @@ BROKEN: list[tuple[Condition, Shown, str]] = [
     (Condition.CLEAR, replace(GOOD, gap=float("nan")), "another mount"),
     (Condition.INLIERS, replace(GOOD, inlier_share=0.85), "85 %"),
     (Condition.HALVES, replace(GOOD, disagreement=26.0), "halves"),
+    (Condition.STEADY, replace(GOOD, steady=10), "hold over a little more"),
     (Condition.FILTER, replace(GOOD, filter_off=5.1), "filter and smoother differ by 5.1 sigmas"),
     (Condition.TOGETHER, replace(GOOD, covariance=spread(0.4, 3.5, 0.4)), "others"),
 ]
