@@ -135,6 +135,7 @@ def test_what_a_calibration_that_has_gone_for_good_has_claimed_is_told_by_storag
         os.kill(pid, signal.SIGTERM)
         assert supervisor.wait("calibration", DEADLINE_S)
         assert ears.bus.await_presence(lambda: not ears.bus.incarnations("calibration"), DEADLINE_S)
+        gone_ns = time.monotonic_ns()
 
         def claims() -> list[Extrinsics]:
             return [r.message for r in ears.all if isinstance(r.message, Extrinsics)]
@@ -142,7 +143,8 @@ def test_what_a_calibration_that_has_gone_for_good_has_claimed_is_told_by_storag
         def is_stored(received: Received) -> bool:
             """Whether storage has the last claim; its health comes after everything that went before it."""
             stamps = {r.message.stamp_ns for r in ears.all if isinstance(r.message, Receipt)}
-            return isinstance(received.message, Health) and bool(claims()) and claims()[-1].stamp_ns in stamps
+            after = isinstance(received.message, Health) and received.message.stamp_ns > gone_ns
+            return after and bool(claims()) and claims()[-1].stamp_ns in stamps
 
         ears.until("the receipt of the last claim", is_stored)
         with Bus(load(file), "asker", "test") as anew:

