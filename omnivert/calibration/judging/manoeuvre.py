@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnivert.calibration.judging.observability import covariance_from_information
 from omnivert.calibration.kalman.model import cartesian_from_polar, polar_from_cartesian
-from omnivert.calibration.solver.normal import W_STD
+from omnivert.calibration.solver.normal import W_STD, bearing_slope
 from omnivert.compiled import compiled
 
 Array = NDArray[np.float64]
@@ -229,7 +229,7 @@ def _see(
     direction_std: float,
     nearest: float,
 ) -> None:
-    """Updates the covariance, in place, by a bearing of each line (eq. 16, slopes as in `normal.sights`).
+    """Updates the covariance, in place, by a bearing of each line (eq. 16, slopes as in `normal.bearing_slope`).
 
     covariance  (6 + 2 N, ...)  pose, mount (eta, cx, cy), lines (u, w) about the manoeuvre's start
     pose        (3,)
@@ -239,34 +239,20 @@ def _see(
     variance          rad^2 of a bearing
     """
     n = covariance.shape[0]
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    lever_x, lever_y = c * mount[1] - s * mount[2], s * mount[1] + c * mount[2]
-    back_x, back_y = -pose[0] - lever_x, -pose[1] - lever_y
     slope = np.empty(8)
     place = np.empty(8, dtype=np.int64)
     column = np.empty(n)
-    for k in range(6):
-        place[k] = k
+    here = np.zeros(2)
     for i in range(w.size):
         a, b = 6 + 2 * i, 7 + 2 * i
         if frame > 0 and frame % life[i] == 0:
             for k in range(n):
                 covariance[a, k] = covariance[k, a] = covariance[b, k] = covariance[k, b] = 0.0
             covariance[a, a], covariance[b, b] = direction_std**2, w_std**2
-        cu, su = np.cos(direction[i]), np.sin(direction[i])
-        x, y = cu + w[i] * back_x, su + w[i] * back_y
-        length2 = x * x + y * y
-        if length2 < (nearest * w[i]) ** 2:
+        bearing_slope(pose, mount, here, direction[i], w[i], 0, a, 3, place, slope)
+        # By the camera's place a bearing changes as 1 / distance.
+        if slope[0] ** 2 + slope[1] ** 2 > 1.0 / nearest**2:
             continue
-        across_x, across_y = -y / length2, x / length2
-        slope[0], slope[1] = -w[i] * across_x, -w[i] * across_y
-        slope[2] = w[i] * (across_x * lever_y - across_y * lever_x) - 1.0
-        slope[3] = -1.0
-        slope[4] = -w[i] * (across_x * c + across_y * s)
-        slope[5] = -w[i] * (-across_x * s + across_y * c)
-        slope[6] = across_y * cu - across_x * su
-        slope[7] = across_x * back_x + across_y * back_y
-        place[6], place[7] = a, b
         for j in range(n):
             column[j] = 0.0
         for k in range(8):

@@ -7,13 +7,11 @@ and steps of 5 cm. Integrated over ways and lines (Laplace), the likelihood of t
 their information given the mount; its slope moves the optimum by covariance times slope.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.solver import skyline
-from omnivert.calibration.solver.normal import Unknowns, normal
+from omnivert.calibration.solver.normal import Unknowns, normal, stepped
 from omnivert.calibration.solver.problem import GLOBALS
 from omnivert.calibration.solver.smoother import Search, Solution
 
@@ -49,14 +47,14 @@ def marginal_mean(search: Search, solution: Solution) -> Unknowns:
         if np.isfinite(ahead) and np.isfinite(back):
             shift = float(np.clip(-0.25 * (ahead - back) / REACH, -MOST, MOST))
             total += shift * sigma * axis
-    return _moved(solution, total)
+    return stepped(solution.x, layout, total)
 
 
 def _log_determinant(search: Search, solution: Solution, step: Array) -> float:
     """Of the information on ways and lines, given what is shared; not a number where there is none."""
     problem = search.problem
-    x = _moved(solution, step)
     layout = solution.normal.layout
+    x = stepped(solution.x, layout, step)
     moved = problem.increments(x.corrections)
     weight = solution.weight / problem.std**2
     n = normal(problem, layout, x, np.zeros(weight.size), weight, moved, search.information, 0.0)
@@ -64,11 +62,3 @@ def _log_determinant(search: Search, solution: Solution, step: Array) -> float:
         return float("nan")
     own = float(2.0 * np.log(n.values[layout.start[1 : layout.shared + 1] - 1]).sum())
     return own + float(np.log(x.w**2 + solution.inverse_distance_std() ** 2).sum())
-
-
-def _moved(solution: Solution, step: Array) -> Unknowns:
-    x, layout = solution.x, solution.normal.layout
-    pose = x.pose.copy()
-    pose[1:] += step[layout.pose[1:, None] + np.arange(3)]
-    shared = x.shared + step[layout.shared :]
-    return replace(x, pose=pose, shared=shared, u=x.u + step[layout.line], w=x.w + step[layout.line + 1])

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.judging.observability import Piece, pieces
-from omnivert.calibration.solver.layout import Layout
 from omnivert.calibration.solver.normal import Unknowns, bearing_errors, increment_information, normal
 from omnivert.calibration.solver.problem import GLOBALS, Problem, dead_reckoned
 from omnivert.calibration.solver.smoother import Solution
@@ -71,7 +70,7 @@ def nominal_information(problem: Problem, solution: Solution) -> tuple[Array, li
     told = replace(moved, step=step)
     n = normal(
         opened,
-        Layout.of(problem),
+        solution.normal.layout,
         anchored,
         error,
         solution.weight / problem.std**2,

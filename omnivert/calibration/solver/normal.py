@@ -43,6 +43,14 @@ class Unknowns:
         return self.shared[3:]
 
 
+def stepped(x: Unknowns, layout: Layout, step: Array) -> Unknowns:
+    """x moved by a step (N,) of all unknowns, in the order of their equations."""
+    pose = x.pose.copy()
+    pose[1:] += step[layout.pose[1:, None] + np.arange(3)]
+    shared = x.shared + step[layout.shared :]
+    return Unknowns(pose, shared, x.anchor, x.u + step[layout.line], x.w + step[layout.line + 1])
+
+
 def increment_information(covariance: Array) -> Array:
     """(F-1, 3, 3) of covariances (F-1, 3, 3)."""
     return np.asarray(np.linalg.inv(covariance + FLOOR), dtype=np.float64)

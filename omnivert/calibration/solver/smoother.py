@@ -16,6 +16,7 @@ from omnivert.calibration.solver.normal import (
     cost,
     increment_information,
     normal,
+    stepped,
 )
 from omnivert.calibration.solver.problem import GLOBALS, Index, Problem
 from omnivert.calibration.solver.triangulation import triangulated
@@ -257,14 +258,10 @@ class Search:
         step = skyline.solved(layout.first, layout.start, n.values, n.vector)
         if not np.isfinite(step).all():
             return None
-        pose = x.pose.copy()
-        pose[1:] += step[layout.pose[1:, None] + np.arange(3)]
-        shared = x.shared + step[layout.shared : layout.shared + GLOBALS]
-        shared[0] = wrap(float(shared[0]))
-        shared[3:] = np.clip(shared[3:], -FARTHEST, FARTHEST)
-        u = x.u + step[layout.line]
-        w = np.clip(x.w + step[layout.line + 1], *W_RANGE)
-        return Unknowns(pose, shared, x.anchor, u, w)
+        trial = stepped(x, layout, step)
+        trial.shared[0] = wrap(float(trial.shared[0]))
+        trial.shared[3:] = np.clip(trial.shared[3:], -FARTHEST, FARTHEST)
+        return replace(trial, w=np.clip(trial.w, *W_RANGE))
 
 
 def joint(solution: Solution, lines: Index) -> Array:
