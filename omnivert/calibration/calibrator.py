@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.angles import wrap
 from omnivert.calibration.judging.claims import Claims
 from omnivert.calibration.judging.observability import larger
 from omnivert.calibration.judging.steadiness import Steadiness
 from omnivert.calibration.judging.verdict import Shown, Verdict, paper_verdict, verdict
 from omnivert.calibration.kalman.ekf import Filter, Innovation, Rules, rules_of_the_paper
+from omnivert.calibration.kalman.model import mount_difference
 from omnivert.calibration.kalman.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
 from omnivert.calibration.smoothing import Background, Smoothing, at_once
@@ -185,8 +185,7 @@ class Calibrator:
                 self._pulse.drop()
             return
         if self._stored is not None and running is not None:
-            off = result.mount - running.mount
-            off[[0, 2]] = wrap(off[[0, 2]])
+            off = mount_difference(result.mount, running.mount)
             spread = result.honest_covariance + self._stored.covariance
             if float(off @ np.linalg.solve(spread, off)) > 21.1:  # chi-square of 3: 1 in 10 000
                 reasons.append("the drive contradicts the stored mount, which is dropped")
@@ -255,8 +254,7 @@ class Calibrator:
         result = self._smoothing.result
         if result is None or self._stored is not None:
             return 0.0
-        off = mount - result.mount
-        off[[0, 2]] = wrap(off[[0, 2]])
+        off = mount_difference(mount, result.mount)
         return float(np.sqrt(max(0.0, float(off @ np.linalg.solve(result.honest_covariance, off)))))
 
     def _mount(self) -> tuple[Array | None, Array | None]:

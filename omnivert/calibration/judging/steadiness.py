@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.angles import wrap
+from omnivert.calibration.kalman.model import mount_difference
 from omnivert.calibration.solver.batch import Outcome, Result
 from omnivert.config import Calibration
 
@@ -33,8 +33,7 @@ class Steadiness:
             return
         if self._first is not None:
             mount, covariance, since = self._first
-            off = result.mount - mount
-            off[[0, 2]] = wrap(off[[0, 2]])
+            off = mount_difference(result.mount, mount)
             if off @ np.linalg.solve(covariance, off) <= CONTRADICTED:
                 self.keyframes = outcome.keyframes - since
                 return

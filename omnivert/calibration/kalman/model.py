@@ -170,3 +170,10 @@ def polar_by_cartesian(mount: Array) -> Array:
     r = rho if abs(rho) > 1e-6 else 1e-6
     c, s = np.cos(phi), np.sin(phi)
     return np.array([[0.0, -s / r, c / r], [0.0, c, s], [1.0, s / r, -c / r]])
+
+
+def mount_difference(mount: Array, other: Array) -> Array:
+    """phi, rho, psi of one mount - those of another (3,), angles the short way round."""
+    off = mount - other
+    off[[0, 2]] = wrap(off[[0, 2]])
+    return off

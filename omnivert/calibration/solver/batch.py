@@ -52,9 +52,7 @@ class Result:
     covariance: Array  # (3, 3), as the solution has it
     shown: Array  # (3, 3), as the nominal way has it
     gap: float  # -2 log likelihood to the next best, different solution
-    inlier_share: float
     centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
-    lines: int
     disagreement: float  # of the halves of the drive, chi-square of 3 degrees of freedom
     seed: Seed
     corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
@@ -285,9 +283,7 @@ class Batch:
             covariance,
             slope @ covariance_from_information(shown) @ slope.T,
             self._gap,
-            self._share,
             tuple(centres(self._prior_centres + found)),
-            problem.lines,
             self._halves(problem, solution),
             seed,
             at.copy(),
