@@ -4,21 +4,14 @@ A table that is left out takes its defaults; an unknown key, a wrong type or a n
 """
 
 from omnivert.config.calibration import Calibration
+from omnivert.config.camera import Camera, MirrorRing
+from omnivert.config.encoder import Encoder
+from omnivert.config.keeping import Player, Storage
 from omnivert.config.loading import load, parsed, with_rig
 from omnivert.config.section import Section
-from omnivert.config.settings import (
-    Bus,
-    Camera,
-    Config,
-    Dissimilarity,
-    Encoder,
-    MirrorRing,
-    Player,
-    Robot,
-    Storage,
-    Timeline,
-    Vision,
-)
+from omnivert.config.settings import Config, Robot
+from omnivert.config.transport import Bus, Timeline
+from omnivert.config.vision import Dissimilarity, Vision
 
 __all__ = [
     "Bus",

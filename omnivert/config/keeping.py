@@ -1,0 +1,30 @@
+"""What is kept, and played again."""
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, Strict
+
+from omnivert.config.section import Section
+
+
+class Storage(Section):
+    path: Annotated[Path, Strict(False)] = Path("extrinsics.db")
+    """The SQLite file; relative to the working directory."""
+    locked_s: float = Field(2.0, gt=0.0, le=60.0)
+    """How long to wait for another program that has the file locked."""
+    waiting_max: int = Field(100, ge=1, le=10_000)
+    """Extrinsics kept in memory while the file cannot be written; beyond it the oldest are given up and counted."""
+
+
+class Player(Section):
+    """Playing a recording in place of the bridge."""
+
+    frames_ahead: int = Field(4, ge=1, le=1000)
+    """Frames that may be on their way before the player waits for a result."""
+    patience_s: float = Field(30.0, ge=0.1, le=3600.0)
+    """Without a result for so long, the frames on their way are counted as lost, and the playback goes on."""
+    comeback_s: float = Field(20.0, ge=0.0, le=3600.0)
+    """How long a playback waits for a service that has gone."""
+    wait_s: float = Field(120.0, ge=0.0, le=3600.0)
+    """How long it waits at the start for the services that it was told to wait for."""
