@@ -15,6 +15,7 @@ import pytest
 from omnivert.config import Config, with_rig
 from omnivert.formats.meta import METRE_WHEEL
 from omnivert.simulation.recording import Drive, Scene, recorded
+from tests.processes import own
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
 
@@ -108,7 +109,9 @@ def test_up_plays_bearings_with_the_wheels_that_they_came_with(sensor: Path, tmp
     )
     command = [*OMNIVERT, "up", "--config", str(robot), "--play", str(sensor), "--speed", "0"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as up:
+    with own(
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    ) as up:
         assert up.stderr is not None
         told = []
         for line in up.stderr:

@@ -14,6 +14,7 @@ import pytest
 from omnivert.cli.demo_watch import Heard
 from omnivert.messages import Estimate, Extrinsics, Mount, ParameterVerdict, Playback, Receipt, State
 from omnivert.store import Store
+from tests.processes import own
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
 
@@ -51,13 +52,15 @@ def test_the_demo_calibrates_stores_and_draws_and_leaves_no_process(tmp_path: Pa
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_stops_the_demo_and_all_its_processes(tmp_path: Path, marked: Any, number: int) -> None:
     command = [*OMNIVERT, "demo", "--output", str(tmp_path / "out")]
-    with subprocess.Popen(
-        command,
-        env=marked.environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
+    with own(
+        subprocess.Popen(
+            command,
+            env=marked.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
     ) as demo:
         assert demo.stderr is not None
         for line in demo.stderr:

@@ -21,6 +21,7 @@ from omnivert.cli.settings import opened
 from omnivert.config import Config, load, parsed
 from omnivert.wire.bus import Bus, Router
 from omnivert.wire.recording import Recording
+from tests.processes import own
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
 
@@ -60,8 +61,15 @@ def test_ctrl_c_while_it_loads_is_silent() -> None:
 def interrupted(number: int, arguments: Sequence[str], mark: str, **options: Any) -> tuple[int, str]:
     """Exit code and story of a command that gets a signal when its story holds the mark."""
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(
-        [*OMNIVERT, *arguments], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True, **options
+    with own(
+        subprocess.Popen(
+            [*OMNIVERT, *arguments],
+            env=environment,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            **options,
+        )
     ) as process:
         assert process.stderr is not None
         told = []
@@ -172,7 +180,9 @@ def test_up_plays_a_recording_in_place_of_the_bridge(straight: Path, tmp_path: P
     (tmp_path / "robot.json").write_text(json.dumps(whole))
     command = [*OMNIVERT, "up", "--config", str(tmp_path / "robot.json"), "--play", str(straight), "--speed", "0"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as up:
+    with own(
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    ) as up:
         assert up.stderr is not None
         told = []
         for line in up.stderr:
@@ -209,7 +219,9 @@ def test_up_tells_a_store_that_cannot_be_written_and_that_nothing_was_stored(str
     (tmp_path / "robot.json").write_text(json.dumps(whole))
     command = [*OMNIVERT, "up", "--config", str(tmp_path / "robot.json"), "--play", str(straight)]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "1000"}
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as up:
+    with own(
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    ) as up:
         assert up.stderr is not None
         told = []
         for line in up.stderr:
@@ -255,8 +267,8 @@ def test_a_signal_stops_all_that_up_has_started_and_nobody_by_force(
     file = robot_with_a_folder(tmp_path)
     command = [*OMNIVERT, "up", "--config", str(file), "--record", str(tmp_path / "drive.mcap")]
     wanted = {*up.SERVICES, "recorder"}
-    with subprocess.Popen(
-        command, env=marked.environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    with own(
+        subprocess.Popen(command, env=marked.environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
     ) as started:
         with Bus(load(file), "test", "test") as bus:
             assert bus.await_presence(lambda: wanted <= {service for service, _ in bus.present()}, 60.0)
@@ -276,7 +288,9 @@ def test_up_says_what_it_listens_on_and_ctrl_c_ends_it_cleanly(tmp_path: Path, n
     file = robot_with_a_folder(tmp_path)
     command = [*OMNIVERT, "up", "--config", str(file), "--record", str(tmp_path / "drive.mcap")]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True) as up:
+    with own(
+        subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    ) as up:
         assert up.stderr is not None
         told = []
         for line in up.stderr:

@@ -28,6 +28,7 @@ from omnivert.wire import rivals
 from omnivert.wire.bus import Bus, Received, Router
 from omnivert.wire.channels import FRAME, HEALTH, TICKS
 from services import bridge
+from tests.processes import own
 
 PROJECT = Path(__file__).resolve().parents[2]
 PICTURE = np.random.default_rng(3).integers(0, 256, (48, 64), np.uint8)
@@ -276,12 +277,12 @@ def test_as_a_process_it_ends_with_its_folder_if_asked_to_and_at_once_on_sigterm
     command = [sys.executable, "-m", "services.bridge", "--config", str(tmp_path / "robot.json")]
     with Router(config), Bus(config, "vision", "front") as other:
         stream = other.listen(FRAME, period_s=0.02)
-        with subprocess.Popen([*command, "--exit-when-done"], cwd=PROJECT) as process:
+        with own(subprocess.Popen([*command, "--exit-when-done"], cwd=PROJECT)) as process:
             stamps_ns = [message.stamp_ns for message in (heard(stream, is_frame) for _ in range(3))]
             assert np.all(np.diff(stamps_ns) % 50_000_000 == 0)
             assert process.wait(30.0) == 0
         begun_ns = time.monotonic_ns()
-        with subprocess.Popen(command, cwd=PROJECT) as process:
+        with own(subprocess.Popen(command, cwd=PROJECT)) as process:
             heard(stream, lambda message: message.stamp_ns > begun_ns)
             process.send_signal(signal.SIGTERM)
             assert process.wait(30.0) == 0  # by itself: ended by force it would be FORCED

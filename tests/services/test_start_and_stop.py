@@ -23,6 +23,7 @@ from omnivert.wire.channels import HEALTH, PLAYBACK, TICKS
 from omnivert.wire.recording import Recording
 from services.recorder import unused
 from services.router import is_local
+from tests.processes import own
 
 DEADLINE_S = 30.0
 
@@ -37,7 +38,7 @@ def file(config: Config, folder: Path) -> Path:
 @contextmanager
 def process(service: str, file: Path, *more: str) -> Iterator[subprocess.Popen[bytes]]:
     command = [sys.executable, "-P", "-m", f"services.{service}", "--config", str(file), "--supervised", *more]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as started:
+    with own(subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)) as started:
         try:
             yield started
         finally:
@@ -257,7 +258,7 @@ def test_when_the_supervisor_is_killed_its_services_stop(file: Path) -> None:
         "with Supervisor(Path(sys.argv[1]), lambda event: print(event, flush=True)) as supervisor:\n"
         "    supervisor.start('router'); supervisor.wait('router')\n"
     )
-    with subprocess.Popen([sys.executable, "-c", program, str(file)], stdout=subprocess.PIPE) as supervisor:
+    with own(subprocess.Popen([sys.executable, "-c", program, str(file)], stdout=subprocess.PIPE)) as supervisor:
         assert supervisor.stdout is not None
         for line in supervisor.stdout:
             if b"listening" in line:
@@ -272,7 +273,7 @@ def test_sigterm_stops_the_supervisor_and_its_services(file: Path) -> None:
         "with Supervisor(Path(sys.argv[1]), lambda event: print(event, flush=True)) as supervisor:\n"
         "    supervisor.start('router'); supervisor.wait_for_signal()\n"
     )
-    with subprocess.Popen([sys.executable, "-c", program, str(file)], stdout=subprocess.PIPE) as supervisor:
+    with own(subprocess.Popen([sys.executable, "-c", program, str(file)], stdout=subprocess.PIPE)) as supervisor:
         assert supervisor.stdout is not None
         for line in supervisor.stdout:
             if b"listening" in line:

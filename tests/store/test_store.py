@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from omnivert.messages import Extrinsics, Mount, State
 from omnivert.store import Store, StoreError
+from tests.processes import own
 
 NOBODY = 65534
 
@@ -125,7 +126,7 @@ def test_a_kill_during_writing_loses_nothing_that_was_acknowledged(tmp_path: Pat
     path, rng, acknowledged, begin = tmp_path / "x.db", random.Random(7), dict[int, int](), 0
     for _ in range(4):
         command = [sys.executable, "-c", WRITER, str(path), str(begin)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+        with own(subprocess.Popen(command, stdout=subprocess.PIPE, text=True)) as writer:
             assert writer.stdout is not None
             for _ in range(rng.randint(1, 40)):
                 entry, stamp = map(int, writer.stdout.readline().split())
