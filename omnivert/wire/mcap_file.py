@@ -31,7 +31,7 @@ from mcap.records import (
 from mcap.records import Message as Record
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC as MAGIC
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
 __all__ = [
     "DAMAGED",
@@ -48,6 +48,7 @@ __all__ = [
     "chunk",
     "metadata",
     "surveyed",
+    "writer",
 ]
 
 ENDS_EARLY = "it ends in the middle"
@@ -59,6 +60,9 @@ _HEAD = 9  # bytes of a record before its content: opcode, length
 _KNOWN = (*range(Opcode.HEADER, Opcode.DATA_END + 1), *range(0x80, 0x100))  # the latter are anybody's own
 _FOOTER = _HEAD + 20 + len(MAGIC)
 _FAULTS = (McapError, ValueError, struct.error)  # what mcap raises when bytes are no record
+
+
+_UNLIMITED = 2**62  # chunks are closed by whoever writes
 
 
 class FileError(ValueError):
@@ -90,6 +94,11 @@ class Survey:
     channels: dict[int, tuple[str, str]] = field(default_factory=dict)
     messages: int | None = None
     fault: str = ""
+
+
+def writer(sink: BinaryIO, compression: str) -> Writer:
+    """A writer whose chunks are closed by its `flush` alone; compression is zstd, lz4 or none."""
+    return Writer(sink, chunk_size=_UNLIMITED, compression=CompressionType[compression.upper()])
 
 
 def surveyed(file: BinaryIO) -> Survey | None:

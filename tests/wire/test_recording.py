@@ -14,7 +14,7 @@ from omnivert.config import Config, Robot
 from omnivert.errors import DataError
 from omnivert.messages import Frame, Health, Message, PixelFormat, Ticks
 from omnivert.wire import mcap_file
-from omnivert.wire import recording as module
+from omnivert.wire import recording_writer as module
 from omnivert.wire.codec import encode
 from omnivert.wire.recording import Recording, RecordingWriter
 
@@ -36,8 +36,8 @@ def drive(seconds: int = 5) -> list[tuple[str, Message]]:
     return out
 
 
-def written(path: Path, messages: list[tuple[str, Message]]) -> Path:
-    with RecordingWriter(path, CONFIG) as writer:
+def written(path: Path, messages: list[tuple[str, Message]], compression: str = "zstd") -> Path:
+    with RecordingWriter(path, CONFIG, compression) as writer:
         for key, message in messages:
             writer.write(key, message)
     return path
@@ -95,6 +95,62 @@ def test_the_hosts_clock_is_no_part_of_the_span(tmp_path: Path) -> None:
     health = ("v1/vision/front/health", Health(7, "vision", "front", 1.0))
     recording = Recording(written(tmp_path / "a.mcap", [*drive(), health]))
     assert recording.start_ns == 100 * SECOND
+
+
+@pytest.mark.parametrize("host_ns", [7, 10**18])
+def test_what_is_of_the_hosts_clock_stands_where_it_came(tmp_path: Path, host_ns: int) -> None:
+    """On a playback that clock is hours or years away from the drive's."""
+    messages = drive()
+    middle = len(messages) // 2
+    health = ("v1/vision/front/health", Health(host_ns, "vision", "front", 1.0))
+    recording = Recording(written(tmp_path / "a.mcap", [*messages[:middle], health, *messages[middle:]]))
+    assert held(recording) == as_bytes([*messages[:middle], health, *messages[middle:]])
+    at_s = (messages[middle - 1][1].stamp_ns - messages[0][1].stamp_ns) / SECOND
+    assert held(recording, types=(Health,), from_s=at_s - 0.01, to_s=at_s + 0.01) == as_bytes([health])
+    (entry,) = recording.entries({"Health"})
+    assert (entry.at_ns, entry.stamp_ns) == (messages[middle - 1][1].stamp_ns, host_ns)
+
+
+def test_chunks_are_given_back_while_the_next_are_read_whatever_the_hosts_clock_says(tmp_path: Path) -> None:
+    """A recording may be larger than the memory: no more than two of its seconds are held at a time."""
+    messages = [
+        entry for i, message in enumerate(drive(20)) for entry in (message, ("h", Health(i, "vision", "front", 1.0)))
+    ]
+    recording = Recording(written(tmp_path / "a.mcap", messages))
+    opened: list[int] = []
+    read = mcap_file.chunk
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(mcap_file, "chunk", lambda *given: (opened.append(1), read(*given))[1])
+        for number, _ in enumerate(recording.entries()):
+            assert len(opened) <= 2 + number * recording.chunks / len(messages)
+    assert len(opened) == recording.chunks >= 20
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
+def test_however_it_is_compressed_it_is_read(tmp_path: Path, compression: str) -> None:
+    path = written(tmp_path / "a.mcap", drive(2), compression)
+    assert held(Recording(path)) == as_bytes(drive(2))
+    named = {"zstd": b"zstd", "lz4": b"lz4", "none": b""}[compression]
+    assert (b"zstd" in path.read_bytes(), b"lz4" in path.read_bytes()) == (named == b"zstd", named == b"lz4")
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(where=st.floats(0.0, 1.0), compression=st.sampled_from(["zstd", "lz4", "none"]))
+def test_of_a_writer_killed_at_any_byte_every_closed_second_is_there(
+    tmp_path: Path, where: float, compression: str
+) -> None:
+    messages, path = drive(3), tmp_path / f"{compression}.mcap"
+    if not path.exists():
+        written(path, messages, compression)
+    whole = path.read_bytes()
+    size = round(where * len(whole))
+    closed = sum(place + length <= size for place, length in chunks(path))
+    (tmp_path / "cut.mcap").write_bytes(whole[:size])
+    try:
+        got = held(Recording(tmp_path / "cut.mcap"))
+    except DataError:
+        got = []
+    assert got == as_bytes(messages)[: closed * 60]
 
 
 def test_two_recordings_of_the_same_have_the_same_bytes(tmp_path: Path) -> None:
@@ -158,13 +214,18 @@ def flipped(path: Path, place: int, bit: int = 0) -> Path:
     return path.with_suffix(".flipped")
 
 
-def chunk_place(path: Path, number: int = 0) -> int:
-    """Where the record of a chunk begins."""
-    data, place, places = path.read_bytes(), 8, []
+def chunks(path: Path) -> list[tuple[int, int]]:
+    """Where the record of each chunk begins, and how long it is."""
+    data, place, found = path.read_bytes(), 8, []
     while data[place] != DATA_END:
-        places += [place] * (data[place] == CHUNK)
-        place += 9 + int.from_bytes(data[place + 1 : place + 9], "little")
-    return places[number]
+        length = 9 + int.from_bytes(data[place + 1 : place + 9], "little")
+        found += [(place, length)] * (data[place] == CHUNK)
+        place += length
+    return found
+
+
+def chunk_place(path: Path, number: int = 0) -> int:
+    return chunks(path)[number][0]
 
 
 @pytest.mark.parametrize("behind", [9 + 60, 9 + 300])
@@ -285,6 +346,17 @@ def test_a_full_disk_leaves_a_good_file(tmp_path: Path, monkeypatch: pytest.Monk
     assert len(got) > 30
     assert got == as_bytes(messages)[: len(got)]
     assert Recording(path).cut == ""
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full(module.FileIO):  # type: ignore[name-defined,misc]
+        def write(self, data: bytes) -> int:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "FileIO", Full)
+    with pytest.raises(OSError, match="No space left"):
+        RecordingWriter(tmp_path / "a.mcap", CONFIG)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_messages_of_another_version_are_counted_and_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
