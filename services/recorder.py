@@ -4,7 +4,9 @@ import argparse
 import logging
 import sys
 import time
-from collections import Counter
+from collections import Counter, OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from omnivert.config import Config
@@ -13,42 +15,85 @@ from omnivert.messages import Frame, Health, Scan, Ticks
 from omnivert.wire.bus import Bus
 from omnivert.wire.channels import CHANNELS
 from omnivert.wire.received import Received
-from omnivert.wire.recording import RecordingWriter
 from omnivert.wire.sources import Admission, Sources
 from services import _start
+from services._parts import Parts, is_split
 
 _log = logging.getLogger("omnivert.recorder")
 _CHUNK_S = 1.0
+_MAX_PUBLISHERS = 1000
 
 
-def run(bus: Bus, config: Config, path: Path) -> Counter[str]:
-    """Records until the bus stops; returns how many messages of each stream, health aside, were written.
+@dataclass(slots=True)
+class Recorded:
+    """What a recorder has written so far.
 
+    paths     of its files, in order
+    bytes     of all of them
+    messages  of each stream, health aside
+    lost      messages that were sent and never came here, or came faster than the disk takes them
+    """
+
+    paths: list[Path] = field(default_factory=list)
+    bytes: int = 0
+    messages: Counter[str] = field(default_factory=Counter)
+    lost: int = 0
+
+
+def run(bus: Bus, config: Config, path: Path, told: Callable[[Recorded], None] = lambda so_far: None) -> Recorded:
+    """Records until the bus stops.
+
+    told    called once a second with what has been written so far
     raises  DataError when the file cannot be written any further; what was written before is good
     """
     sources = Sources(bus.alive)
-    written: Counter[str] = Counter()
+    recorded, numbers = Recorded(), _Numbers()
     try:
-        with RecordingWriter(path, config) as writer:
+        with Parts(path, config) as parts:
+            recorded.paths = parts.paths
             closed_s = time.monotonic()
             for received in bus.listen(*CHANNELS, period_s=_CHUNK_S, every=True):
                 if received is not None and admitted(bus, sources, received):
-                    writer.write(received.key, received.message)
+                    parts.put(received.key, received.message, received.data)
                     bus.done(received)
                     if not isinstance(received.message, Health):
-                        written[received.channel.stream] += 1
+                        recorded.messages[received.channel.stream] += 1
+                        recorded.lost += numbers.missing_before(received)
                 if time.monotonic() - closed_s >= _CHUNK_S:
-                    writer.flush()
+                    parts.flush()
+                    recorded.bytes = parts.size
+                    if recorded.lost:
+                        bus.note(f"{recorded.lost} messages are lost: the disk or the link is too slow", "lost")
+                    told(recorded)
                     closed_s = time.monotonic()
-        _log.info("saved %s: %d messages", path, sum(writer.counts.values()))
+        recorded.bytes = parts.size
+        files = ", ".join(map(str, parts.paths))
+        _log.info("saved %s: %d messages, %d lost", files, recorded.messages.total(), recorded.lost)
     except OSError as error:
+        file = recorded.paths[-1] if recorded.paths else path
         raise DataError(
             "OV304",
-            f"{path} cannot be written any further" if path.exists() else f"cannot write {path}",
+            f"{file} cannot be written any further" if file.exists() else f"cannot write {path}",
             f"{error.strerror or error}; what was recorded before is good",
             "free some space, or name another disk",
         ) from error
-    return written
+    return recorded
+
+
+class _Numbers:
+    """Tells from the numbers that each publisher gives its messages how many have not come."""
+
+    def __init__(self) -> None:
+        self._last: OrderedDict[tuple[str, bytes], int] = OrderedDict()
+
+    def missing_before(self, received: Received) -> int:
+        """How many between the one before it and this one."""
+        who = (received.key, received.publisher)
+        last = self._last.pop(who, received.sequence - 1)
+        self._last[who] = max(last, received.sequence)
+        if len(self._last) > _MAX_PUBLISHERS:
+            self._last.popitem(last=False)
+        return max(received.sequence - last - 1, 0)
 
 
 def admitted(bus: Bus, sources: Sources, received: Received) -> bool:
@@ -73,7 +118,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(bus: Bus, config: Config, given: argparse.Namespace) -> None:
     try:
-        run(bus, config, unused(given.output))
+        run(bus, config, given.output if is_split(config) else unused(given.output))
     except DataError as error:  # the end of it, and nothing that another start would mend
         _start.refusal("recorder", error)
 

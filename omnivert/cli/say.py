@@ -124,6 +124,17 @@ def progress(label: str, total: int | None) -> Iterator["Bar"]:
         yield Bar(total, lambda done, of: bar.update(task, completed=done, total=of))
 
 
+@contextmanager
+def status() -> Iterator[Callable[[str], None]]:
+    """A line that is written anew each time, on a terminal; nothing in a pipe."""
+    console = err()
+    if not console.is_terminal:
+        yield lambda text: None
+        return
+    with console.status("") as line:
+        yield lambda text: line.update(escape(text))
+
+
 class Bar:
     """How far a long step is."""
 

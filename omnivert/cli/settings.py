@@ -41,12 +41,19 @@ def with_robot(config: Config, robot: str | None) -> Config:
     return config if robot is None else _with(config, "robot", "--robot", id=robot)
 
 
+def with_recorder(config: Config, split_mb: float | None, split_s: float | None) -> Config:
+    """The configuration with the limits of a recording's parts that were given on the command line."""
+    given = {"split_mb": split_mb, "split_s": split_s}
+    chosen = {name: value for name, value in given.items() if value is not None}
+    return _with(config, "recorder", "omnivert record", **chosen) if chosen else config
+
+
 def with_camera(config: Config, camera: str) -> Config:
     """The configuration for the camera of this id."""
     return _with(config, "camera", "the bus", id=camera)
 
 
-def _with(config: Config, table: str, option: str, **values: str) -> Config:
+def _with(config: Config, table: str, option: str, **values: str | float) -> Config:
     """The configuration with values of one table replaced, held to their form; what was set stays what was set."""
     given = {name: dict(fields) for name, fields in config.model_dump(exclude_unset=True).items()}
     given[table] = {**given.get(table, {}), **values}

@@ -6,7 +6,7 @@ A table that is left out takes its defaults; an unknown key, a wrong type or a n
 from omnivert.config.calibration import Calibration
 from omnivert.config.camera import Camera, MirrorRing
 from omnivert.config.encoder import Encoder
-from omnivert.config.keeping import Player, Storage
+from omnivert.config.keeping import Player, Recorder, Storage
 from omnivert.config.loading import load, parsed, with_rig
 from omnivert.config.section import Section
 from omnivert.config.settings import Config, Robot
@@ -22,6 +22,7 @@ __all__ = [
     "Encoder",
     "MirrorRing",
     "Player",
+    "Recorder",
     "Robot",
     "Section",
     "Storage",

@@ -1,7 +1,7 @@
 """What is kept, and played again."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, Strict
 
@@ -15,6 +15,17 @@ class Storage(Section):
     """How long to wait for another program that has the file locked."""
     waiting_max: int = Field(100, ge=1, le=10_000)
     """Extrinsics kept in memory while the file cannot be written; beyond it the oldest are given up and counted."""
+
+
+class Recorder(Section):
+    """Writing down all that a running system says."""
+
+    compression: Literal["zstd", "lz4", "none"] = "lz4"
+    """Of the file's chunks: zstd is the smallest; lz4 takes a quarter of its time; none suits JPEG frames."""
+    split_mb: float = Field(0.0, ge=0.0, le=1e7)
+    """A part ends before it is larger than this, in 10^6 bytes, and the next begins; 0: no limit."""
+    split_s: float = Field(0.0, ge=0.0, le=1e7)
+    """A part ends when the drive in it has lasted so long; 0: no limit."""
 
 
 class Player(Section):

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from omnivert.config.calibration import Calibration
 from omnivert.config.camera import Camera, MirrorRing
 from omnivert.config.encoder import Encoder
-from omnivert.config.keeping import Player, Storage
+from omnivert.config.keeping import Player, Recorder, Storage
 from omnivert.config.section import Id, Section
 from omnivert.config.transport import Bus, Timeline
 from omnivert.config.vision import Vision
@@ -37,6 +37,7 @@ class Config(Section):
     timeline: Timeline = Timeline()
     storage: Storage = Storage()
     player: Player = Player()
+    recorder: Recorder = Recorder()
 
     @model_validator(mode="after")
     def _ring_is_in_the_picture(self) -> Self:

@@ -19,6 +19,7 @@ class Received:
     publisher   names the process that published it
     sequence    its number among that process's messages on this key
     same_clock  whether `sent_ns` is of this host's clock
+    data        the message's bytes, for whoever keeps them
     """
 
     channel: Channel
@@ -30,6 +31,7 @@ class Received:
     publisher: bytes
     sequence: int
     same_clock: bool = True
+    data: bytes = b""
 
 
 def opened(parcel: Parcel) -> Received:
@@ -45,6 +47,7 @@ def opened(parcel: Parcel) -> Received:
         publisher=envelope.incarnation,
         sequence=envelope.sequence,
         same_clock=envelope.clock == THIS_CLOCK,
+        data=parcel.data,
     )
 
 

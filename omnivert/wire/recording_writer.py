@@ -20,6 +20,7 @@ META = "omnivert"  # name of the metadata record that holds the rig as JSON, and
 HOST_CLOCK = {Health.__name__, Playback.__name__}  # stamps that are not a sensor's: no part of the recording's span
 _CHUNK_NS = 1_000_000_000
 _CHUNK_BYTES = 4 * 2**20
+_SUMMARY, _OF_A_CHUNK, _OF_A_CHANNEL, _OF_A_MESSAGE = 2000, 150, 1000, 60  # bytes beside their content, at most
 
 
 class RecordingWriter:
@@ -40,6 +41,7 @@ class RecordingWriter:
         self._chunk_ns: int | None = None
         self._newest_ns: int | None = None  # of what is not of the host's clock
         self._pending = 0  # bytes of the open chunk
+        self._chunks = 0  # closed ones
         self._open = True
         self._guarded(lambda: self._start(config.rig()))
 
@@ -51,8 +53,10 @@ class RecordingWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file, were the open chunk closed now without compression."""
-        return self._sink.tell() + self._pending
+        """Bytes of the file if it were finished now, at most: as if nothing compressed the open chunk."""
+        channels = len(self._channels)
+        summary = _SUMMARY + _OF_A_CHANNEL * channels + self._chunks * (_OF_A_CHUNK + 10 * channels)
+        return self._sink.tell() + self._pending + summary
 
     def write(self, key: str, message: Message) -> None:
         """Adds a message; a chunk is closed when its stamps have passed a second.
@@ -76,7 +80,7 @@ class RecordingWriter:
             self._newest_ns = max(stamp_ns, self._newest_ns or 0)
         elif self._newest_ns is not None:
             at_ns = self._newest_ns
-        self._pending += len(data)
+        self._pending += len(data) + _OF_A_MESSAGE
         self._guarded(lambda: self._writer.add_message(self._channel(key, name), at_ns, data, stamp_ns))
         if self._pending > _CHUNK_BYTES:
             self.flush()
@@ -93,6 +97,7 @@ class RecordingWriter:
         self._guarded(self._writer.flush)
         self._sink.keep()
         self._chunk_ns = None
+        self._chunks += self._pending > 0
         self._pending = 0
 
     def close(self) -> None:

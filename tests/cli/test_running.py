@@ -21,6 +21,7 @@ from omnivert.cli.settings import opened
 from omnivert.config import Config, load, parsed
 from omnivert.wire.bus import Bus, Router
 from omnivert.wire.recording import Recording
+from services.recorder import Recorded
 from tests.processes import own
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
@@ -134,17 +135,19 @@ def test_a_recording_told_to_end_ends_as_at_ctrl_c(tmp_path: Path) -> None:
 
 
 def test_what_was_recorded_is_said_as_json(omnivert: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(bus: Bus, config: Config, path: Path) -> Counter[str]:
+    def run(bus: Bus, config: Config, path: Path, told: object) -> Recorded:
         path.write_bytes(b"twelve bytes")
-        return Counter(ticks=3, frame=2)
+        return Recorded([path], 12, Counter(ticks=3, frame=2), 1)
 
     monkeypatch.setattr("services.recorder.run", run)
     config = on_bus(tmp_path)
     with Router(config):
         ran = omnivert("record", tmp_path / "d.mcap", "--connect", config.bus.endpoint, "--json")
     assert ran.code == 0
-    said = {"recording": f"{tmp_path}/d.mcap", "robot": "demo", "bytes": 12, "messages": {"ticks": 3, "frame": 2}}
-    assert ran.json == said
+    path = f"{tmp_path}/d.mcap"
+    said = {"recording": path, "parts": [path], "robot": "demo", "bytes": 12, "lost": 1}
+    assert ran.json == {**said, "messages": {"ticks": 3, "frame": 2}}
+    assert "1 messages" in ran.err
 
 
 def on_bus(folder: Path) -> Config:
