@@ -1,7 +1,6 @@
 """A recording on the keys of the bridge, in its place: the same messages, marked as a replay."""
 
 import argparse
-import dataclasses
 import logging
 import sys
 import threading
@@ -14,20 +13,23 @@ from pathlib import Path
 
 from omnivert.config import Config
 from omnivert.errors import DataError
-from omnivert.messages import Bearings, Frame, Message, Playback, Scan, Ticks
+from omnivert.messages import Bearings, Frame, Message, Playback
 from omnivert.wire.bus import Bus
-from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME, PLAYBACK, SCAN, TICKS, Channel
+from omnivert.wire.channels import BEARINGS, ESTIMATE, PLAYBACK
 from omnivert.wire.recording import Recording
 from omnivert.wire.rivals import refusal
 from services import _start
+from services._ahead import read_ahead
 from services._clock import Clock
+from services._controls import Controls
 from services._credits import Credits
+from services._excerpt import CHANNELS, Excerpt
 
 _log = logging.getLogger("omnivert.player")
 _PROGRESS_S = 0.2
 _END_S = 0.1  # how often the thread that follows the results looks whether it is over
+_AHEAD_BYTES = 32 * 2**20  # read before it is due: a chunk from the disk takes longer than a message's turn
 _POLL_S = 0.05  # how often the services are looked at while the playback waits
-_CHANNELS: dict[type[Message], Channel] = {Frame: FRAME, Ticks: TICKS, Scan: SCAN, Bearings: BEARINGS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,29 +61,37 @@ def run(
     to_s: float | None = None,
     wait_for: tuple[str, ...] = (),
     begun: Callable[[str], None] = lambda service: None,
+    controls: Controls | None = None,
 ) -> Played:
     """Plays until the end, and until all results of it are in.
 
     speed     1 is as recorded; 0 is as fast as the results come
     wait_for  services that must be there first
     begun     called before the first message, with the service that consumes the images or bearings
+    controls  pause it, let it step and end it
     raises    UseError beside a live bridge or when one comes, DataError without sensor data or one of `wait_for`
     """
     recording = Recording(path)
-    part = _Part(recording, config, from_s, to_s)
+    excerpt = Excerpt(recording, config, from_s, to_s)
     bus.refuse_beside("bridge", "player")
-    begun(part.consumer)
+    begun(excerpt.consumer)
     if changes := config.rig_changes(named_alike(recording.config(config), config).rig_digest()):
         bus.note(f"the recording was made with another rig than the configuration's: {'; '.join(changes)}", "rig")
     if recording.cut:
         bus.note(f"the recording is not whole: {recording.cut}", "cut")
-    player = _Player(bus, config)
+    player = _Player(bus, config, controls or Controls())
     with player.following():
         player.await_services(wait_for)
-        played = player.play(part.rounds(loop), part.count(), speed)
+        with read_ahead(excerpt.rounds(loop), _size, _AHEAD_BYTES) as messages:
+            played = player.play(messages, excerpt.count(), speed)
     for reason, times in recording.refused.items():
         bus.refuse(f"recording: {reason}", times)
     return played
+
+
+def _size(message: Message) -> int:
+    """About how many bytes it takes up."""
+    return 500 + (message.data.nbytes if isinstance(message, Frame) else 0)
 
 
 def named_alike(config: Config, other: Config) -> Config:
@@ -91,57 +101,12 @@ def named_alike(config: Config, other: Config) -> Config:
     return config.model_copy(update=update)
 
 
-class _Part:
-    """The sensors' messages between two times of a recording."""
-
-    def __init__(self, recording: Recording, config: Config, from_s: float | None, to_s: float | None) -> None:
-        self._recording = recording
-        self._from_s, self._to_s = from_s, to_s
-        rig = recording.config(config)
-        camera = Frame if FRAME.key(rig) in recording.counts else Bearings
-        self._types: tuple[type[Message], ...] = (camera, Ticks, Scan)
-        self.consumer = "vision" if camera is Frame else "calibration"
-        self._keys = {_CHANNELS[sensor].key(rig) for sensor in self._types}
-        if not self._keys & set(recording.counts):
-            raise DataError("OV305", f"{recording.path} holds no sensor data", f"only {', '.join(recording.counts)}")
-        if not self.count():
-            because = f"it lasts {1e-9 * (recording.end_ns - recording.start_ns):.1f} s"
-            again = "omnivert play corridor --from 5 --to 10"
-            raise DataError("OV305", f"{recording.path} holds no sensor data in this part", because, again)
-
-    def count(self) -> int:
-        return self._recording.count(self._keys, self._from_s, self._to_s)
-
-    def rounds(self, loop: bool) -> Iterator[Message]:
-        """The messages in order; in a loop stamps and ticks go on growing from round to round."""
-        later_ns, left, right = 0, 0, 0
-        while True:
-            first_ns, last_ns, frames = -1, 0, 0
-            first: tuple[int, int] | None = None
-            last = (0, 0)
-            for key, message in self._recording.messages(self._types, self._from_s, self._to_s):
-                if key not in self._keys:
-                    continue
-                if first_ns < 0:
-                    first_ns = message.stamp_ns
-                last_ns = message.stamp_ns
-                frames += isinstance(message, Frame | Bearings)
-                if isinstance(message, Ticks):
-                    first, last = first or (message.left, message.right), (message.left, message.right)
-                    message = dataclasses.replace(message, left=message.left + left, right=message.right + right)
-                yield dataclasses.replace(message, stamp_ns=message.stamp_ns + later_ns)
-            if not loop or first_ns < 0:
-                return
-            later_ns += last_ns - first_ns + (last_ns - first_ns) // max(frames - 1, 1)
-            if first is not None:
-                left, right = left + last[0] - first[0], right + last[1] - first[1]
-
-
 class _Player:
     """The clock, the credits, and the services that the playback is for."""
 
-    def __init__(self, bus: Bus, config: Config) -> None:
+    def __init__(self, bus: Bus, config: Config, controls: Controls) -> None:
         self._bus = bus
+        self._controls = controls
         self._settings = config.player
         self._longest_pause_s = config.timeline.max_jump_s
         self._credits = Credits(config.player.frames_ahead)
@@ -194,22 +159,43 @@ class _Player:
     def _play(self, messages: Iterator[Message], total: int, speed: float) -> None:
         clock = Clock(speed, self._longest_pause_s)
         for message in messages:
-            if isinstance(message, Frame | Bearings):
+            is_frame = isinstance(message, Frame | Bearings)
+            if is_frame:
                 clock.stood_still(self._await_credit())
-            while not self._bus.stopped and (left_s := clock.until(message.stamp_ns)) > 0.0:
-                self._tell(total)
-                self._bus.await_presence(self._bridge_is_here, min(left_s, _PROGRESS_S))
-                self._give_way()
-            if self._bus.stopped:
-                return
+            self._await_turn(message, is_frame, clock, total)
+            if self._bus.stopped or self._controls.ended:
+                break
             self._give_way()
             with self._changed:
                 self._credits.played(message)
-            self._bus.publish(_CHANNELS[type(message)], message, replay=True)
+            self._bus.publish(CHANNELS[type(message)], message, replay=True)
+            self._controls.played(is_frame)
             self._played += 1
-            self._frames += isinstance(message, Frame | Bearings)
+            self._frames += is_frame
             self._tell(total)
-        self._finish(total)
+        if not self._bus.stopped:
+            self._finish(total)
+
+    def _await_turn(self, message: Message, is_frame: bool, clock: Clock, total: int) -> None:
+        """Waits until the message is due, and while the playback is paused, unless this is of a step."""
+        stood = False
+        while not self._bus.stopped and not self._controls.ended:
+            if self._controls.holds(is_frame):
+                if not stood:
+                    self._bus.note("paused", "pause")
+                stood = True
+                self._controls.wait(_POLL_S)
+                self._heard_s = time.monotonic()  # nobody owes a result meanwhile
+            elif stood or self._controls.paused:  # what is of a step comes at once
+                self._bus.note(None, "pause")
+                clock.due_now(message.stamp_ns)
+                return
+            elif (left_s := clock.until(message.stamp_ns)) > 0.0:
+                self._bus.await_presence(self._bridge_is_here, min(left_s, _PROGRESS_S))
+            else:
+                return
+            self._tell(total)
+            self._give_way()
 
     def _finish(self, total: int) -> None:
         """Waits for what is on its way. The end is told when all bearings are in: nothing may come after it."""

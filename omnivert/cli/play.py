@@ -1,15 +1,15 @@
 """`omnivert play REC`: a recording into a running system, on the keys of the bridge."""
 
 import math
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omnivert.cli import say
+from omnivert.cli.followed import followed
 from omnivert.cli.given import Given
+from omnivert.cli.keys import RIGHT, RIGHT_APPLICATION, keys
 from omnivert.cli.settings import (
     PATIENCE_S,
     ConfigOption,
@@ -24,10 +24,9 @@ from omnivert.cli.settings import (
     with_robot,
 )
 from omnivert.errors import UseError
-from omnivert.messages import Playback
 
 if TYPE_CHECKING:
-    from omnivert.wire.bus import Bus
+    from services._controls import Controls
 
 LISTENER_S = 1.0  # for those who are here to be seen
 
@@ -44,7 +43,10 @@ def play(
     info: Annotated[bool, typer.Option("--info", help="Say what the recording holds, and play nothing.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Play a recording in place of the bridge."""
+    """Play a recording in place of the bridge.
+
+    On a terminal the space bar pauses it and lets it go on, n or the right arrow plays one frame, q ends it.
+    """
     if not math.isfinite(speed):
         raise UseError("OV205", f"omnivert play: --speed {speed}", "0 is as fast as the results come", "--speed 0")
     for option, second in (("--from", start), ("--to", end)):
@@ -61,45 +63,32 @@ def play(
         if info:
             return
     from omnivert.wire.bus import Bus
+    from services._controls import Controls
+    from services._start import prepare
     from services.player import run
 
+    prepare()
+    controls = Controls()
     chosen = settings(config, robot, connect)
     if config is None:  # nobody says which rig runs here: it is the recording's
         chosen = with_robot(source.config(chosen), robot)
     path = recording_path(recording)
-    with Bus(chosen, "player", chosen.camera.id, patience_s=PATIENCE_S) as bus:
+    with Bus(chosen, "player", chosen.camera.id, patience_s=PATIENCE_S) as bus, keys(_actions(controls)) as has_keys:
+        ends = "space pauses, n or the right arrow steps, q ends it" if has_keys else "ctrl-c ends it"
 
         def begun(service: str) -> None:
-            say.story(f"playing {title(recording)} to robot {chosen.robot.id}; ctrl-c ends it")
+            say.story(f"playing {title(recording)} to robot {chosen.robot.id}; {ends}")
             if not bus.await_presence(lambda: bool(bus.incarnations(service)), LISTENER_S) and not bus.stopped:
                 nobody = f"no {service} service of robot {chosen.robot.id} listens"
                 say.story(f"[yellow]{nobody}[/]: omnivert monitor shows who is here")
 
-        with _followed(bus):
-            played = run(bus, chosen, path, speed=speed, loop=loop, from_s=start, to_s=end, begun=begun)
+        with followed(bus, lambda: "paused " if controls.paused else "playing"):
+            played = run(
+                bus, chosen, path, speed=speed, loop=loop, from_s=start, to_s=end, begun=begun, controls=controls
+            )
     say.story(f"{played}")
 
 
-@contextmanager
-def _followed(bus: "Bus") -> Iterator[None]:
-    """A bar, in a thread that has ended before the bus closes: in zenoh it would break the exit."""
-    over = threading.Event()
-    thread = threading.Thread(target=_follow, args=(bus, over), name="progress", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-
-
-def _follow(bus: "Bus", over: threading.Event) -> None:
-    """Moves the bar with what this player says of itself."""
-    from omnivert.wire.channels import PLAYBACK
-
-    with say.progress("playing", None) as bar:
-        for received in bus.listen(PLAYBACK, period_s=0.1):
-            if over.is_set():
-                return
-            if received is not None and isinstance(received.message, Playback):
-                bar.reach(received.message.played, received.message.total or None)
+def _actions(controls: "Controls") -> dict[bytes, Callable[[], None]]:
+    steps = dict.fromkeys((b"n", RIGHT, RIGHT_APPLICATION), controls.step)
+    return {b" ": controls.pause_or_go, b"q": controls.end, **steps}

@@ -121,7 +121,11 @@ def progress(label: str, total: int | None) -> Iterator["Bar"]:
     )
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(label, total=total)
-        yield Bar(total, lambda done, of: bar.update(task, completed=done, total=of))
+        yield Bar(
+            total,
+            lambda done, of: bar.update(task, completed=done, total=of),
+            lambda text: bar.update(task, description=escape(text)),
+        )
 
 
 @contextmanager
@@ -138,14 +142,24 @@ def status() -> Iterator[Callable[[str], None]]:
 class Bar:
     """How far a long step is."""
 
-    def __init__(self, total: int | None, moved: Callable[[int, int | None], None]) -> None:
+    def __init__(
+        self,
+        total: int | None,
+        moved: Callable[[int, int | None], None],
+        labelled: Callable[[str], None] = lambda text: None,
+    ) -> None:
         self._total = total
         self._moved = moved
+        self._labelled = labelled
         self._done = 0
 
     def step(self) -> None:
         """One more is done."""
         self.reach(self._done + 1, self._total)
+
+    def label(self, text: str) -> None:
+        """What is being done now."""
+        self._labelled(text)
 
     def reach(self, done: int, total: int | None) -> None:
         """So many of so many are done."""

@@ -4,7 +4,7 @@ import json
 import math
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +12,7 @@ import typer
 from rich.markup import escape
 
 from omnivert.cli import say
+from omnivert.cli.followed import followed_from_outside
 from omnivert.cli.given import count
 from omnivert.cli.kept import Before
 from omnivert.cli.outputs import check_distinct, check_new_recording
@@ -68,8 +69,9 @@ def up(
                         supervisor.start(service)
                 if record is not None:
                     supervisor.start("recorder", "--output", str(record))
-                while not troubles.fatal.wait(0.2):
-                    pass
+                with followed_from_outside(chosen) if play is not None else nullcontext():
+                    while not troubles.fatal.wait(0.2):
+                        pass
         except KeyboardInterrupt:
             pass
     troubles.check()

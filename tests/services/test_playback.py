@@ -1,6 +1,9 @@
 """The playback's pace: never ahead of its results by more than allowed, never stuck; its clock; its rounds."""
 
+import itertools
+import threading
 from collections import deque
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +31,11 @@ from omnivert.messages import (
 from omnivert.timeline import Timeline
 from omnivert.wire.recording import Recording, RecordingWriter
 from services import _clock, player
+from services._ahead import read_ahead
 from services._clock import Clock
+from services._controls import Controls
 from services._credits import Credits
+from services._excerpt import Excerpt
 from services._repeater import Repeater
 
 MS = 1_000_000
@@ -190,8 +196,8 @@ def test_in_a_loop_stamps_and_ticks_go_on_growing(tmp_path: Path) -> None:
     messages: list[Message] = [
         m for i in range(10) for m in (ticks(SECOND + i * 100 * MS, 7 * i), frame(SECOND + i * 100 * MS + 5))
     ]
-    part = player._Part(recording(tmp_path / "a.mcap", messages), Config(), None, None)
-    played = [message for message, _ in zip(part.rounds(loop=True), range(60), strict=False)]
+    excerpt = Excerpt(recording(tmp_path / "a.mcap", messages), Config(), None, None)
+    played = [message for message, _ in zip(excerpt.rounds(loop=True), range(60), strict=False)]
     all_stamps = [m.stamp_ns for m in played]
     assert all_stamps == sorted(all_stamps)
     assert len(set(all_stamps)) == 60
@@ -204,30 +210,30 @@ def test_in_a_loop_stamps_and_ticks_go_on_growing(tmp_path: Path) -> None:
 
 def test_a_part_of_a_recording_is_played(tmp_path: Path) -> None:
     messages: list[Message] = [ticks(i * 100 * MS) for i in range(100)]
-    part = player._Part(recording(tmp_path / "a.mcap", messages), Config(), 2.0, 3.0)
-    assert [m.stamp_ns for m in part.rounds(loop=False)] == [i * 100 * MS for i in range(20, 30)]
-    assert part.count() == 10
+    excerpt = Excerpt(recording(tmp_path / "a.mcap", messages), Config(), 2.0, 3.0)
+    assert [m.stamp_ns for m in excerpt.rounds(loop=False)] == [i * 100 * MS for i in range(20, 30)]
+    assert excerpt.count() == 10
 
 
 @pytest.mark.parametrize(("from_s", "to_s"), [(5.0, 3.0), (100.0, None), (None, 0.0)])
 def test_a_part_with_nothing_in_it_is_refused(tmp_path: Path, from_s: float | None, to_s: float | None) -> None:
     whole = recording(tmp_path / "a.mcap", [ticks(i * 100 * MS) for i in range(100)])
     with pytest.raises(DataError, match=r"in this part: it lasts 9\.9 s") as refused:
-        player._Part(whole, Config(), from_s, to_s)
+        Excerpt(whole, Config(), from_s, to_s)
     assert refused.value.code == "OV305"
 
 
 def test_of_a_recording_without_frames_the_bearings_are_the_sensor(tmp_path: Path) -> None:
     messages: list[Message] = [m for i in range(5) for m in (ticks(i * MS), bearings(i * MS))]
-    part = player._Part(recording(tmp_path / "a.mcap", messages), Config(), None, None)
-    assert [type(m) for m in part.rounds(loop=False)] == [Ticks, Bearings] * 5
+    excerpt = Excerpt(recording(tmp_path / "a.mcap", messages), Config(), None, None)
+    assert [type(m) for m in excerpt.rounds(loop=False)] == [Ticks, Bearings] * 5
 
 
 def test_a_recording_without_sensor_data_is_refused(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "a.mcap", Config()) as writer:
         writer.write("v1/calibration/front/estimate", estimate(1))
     with pytest.raises(DataError, match="no sensor data") as refused:
-        player._Part(Recording(tmp_path / "a.mcap"), Config(), None, None)
+        Excerpt(Recording(tmp_path / "a.mcap"), Config(), None, None)
     assert refused.value.code == "OV305"
 
 
@@ -263,3 +269,98 @@ def test_claims_that_nobody_acknowledges_are_bounded() -> None:
         repeater.claim(claim(i), 0.0)
     assert [c.stamp_ns for c in repeater.due(1.0)] == list(range(84, 100))
     assert repeater.given_up == 84
+
+
+# ------------------------------------------------------------------ pause and step
+
+
+presses = st.lists(st.sampled_from(["space", "step", "play", "play", "play", "play"]), max_size=60)
+
+
+@given(presses)
+def test_a_step_is_one_frame_and_all_that_comes_before_the_next(pressed: Any) -> None:
+    """Every third message is a frame; beside the controls runs a model that counts frames alone."""
+    controls, at, paused, due = Controls(), 0, False, 0
+    frames = lambda: -(-at // 3)  # noqa: E731 - frames among the messages played, of which the first is one
+    for press in pressed:
+        match press:
+            case "space":
+                controls.pause_or_go()
+                paused, due = not paused, 0
+            case "step":
+                controls.step()
+                due = (due if paused and due > frames() else frames()) + 1
+                paused = True
+            case _:
+                is_frame = at % 3 == 0
+                may_play = not paused or (frames() < due or (due > 0 and frames() == due and not is_frame))
+                assert controls.holds(is_frame) != may_play
+                if may_play:
+                    controls.played(is_frame)
+                    at += 1
+
+
+def test_whoever_waits_for_the_controls_is_woken_by_each_of_them() -> None:
+    for press in (Controls.pause_or_go, Controls.step, Controls.end):
+        controls = Controls()
+        waiting = threading.Thread(target=controls.wait, args=(60.0,))
+        waiting.start()
+        while waiting.is_alive():
+            press(controls)
+            waiting.join(0.01)
+
+
+def test_after_a_standstill_the_clock_goes_on_from_the_message_that_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = Now()
+    monkeypatch.setattr(_clock, "time", now)
+    clock = Clock(2.0, longest_pause_s=60.0)
+    assert clock.until(5 * SECOND) == 0.0
+    now.s += 100.0
+    clock.due_now(7 * SECOND)
+    assert clock.until(7 * SECOND) == pytest.approx(0.0)
+    assert clock.until(8 * SECOND) == pytest.approx(0.5)
+
+
+def test_the_clock_begins_with_the_first_message_however_long_that_took_to_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = Now()
+    monkeypatch.setattr(_clock, "time", now)
+    clock = Clock(1.0, longest_pause_s=60.0)
+    now.s += 3.0
+    assert [clock.until(0), clock.until(SECOND)] == [0.0, pytest.approx(1.0)]
+
+
+# ------------------------------------------------------------------ reading ahead
+
+
+@given(st.lists(st.integers(1, 10), max_size=40), st.integers(1, 15))
+def test_what_is_read_ahead_is_the_same_and_bounded(items: Any, most: Any) -> None:
+    read: list[int] = []
+
+    def reading() -> Iterator[int]:
+        for item in items:
+            read.append(item)
+            yield item
+
+    taken = []
+    with read_ahead(reading(), lambda item: item, most) as ahead:
+        for item in ahead:
+            taken.append(item)
+            assert sum(read) - sum(taken) <= most + 20  # the one that reaches it, and the one that waits for room
+    assert taken == items
+
+
+def test_a_reader_that_is_left_ends_and_what_it_raises_comes_in_its_place() -> None:
+    with read_ahead(itertools.count(), lambda _: 1, 10) as ahead:
+        assert next(ahead) == 0
+
+    def failing() -> Iterator[int]:
+        yield 1
+        raise OSError("the disk has gone")
+
+    taken: list[int] = []
+    with pytest.raises(OSError, match="the disk has gone"), read_ahead(failing(), lambda _: 1, 10) as ahead:
+        taken.extend(ahead)
+    assert taken == [1]
+    assert not [thread for thread in threading.enumerate() if thread.name == "read-ahead"]

@@ -3,7 +3,7 @@
 import dataclasses
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -117,10 +117,15 @@ def test_chunks_are_given_back_while_the_next_are_read_whatever_the_hosts_clock_
         entry for i, message in enumerate(drive(20)) for entry in (message, ("h", Health(i, "vision", "front", 1.0)))
     ]
     recording = Recording(written(tmp_path / "a.mcap", messages))
-    opened: list[int] = []
+    opened: list[mcap_file.Place] = []
     read = mcap_file.chunk
+
+    def counted(file: BinaryIO, place: mcap_file.Place) -> list[Any]:
+        opened.append(place)
+        return read(file, place)
+
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(mcap_file, "chunk", lambda *given: (opened.append(1), read(*given))[1])
+        patched.setattr(mcap_file, "chunk", counted)
         for number, _ in enumerate(recording.entries()):
             assert len(opened) <= 2 + number * recording.chunks / len(messages)
     assert len(opened) == recording.chunks >= 20

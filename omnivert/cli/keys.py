@@ -1,0 +1,65 @@
+"""Single keys of the terminal that a command is typed at, while it runs; a pipe has none."""
+
+import os
+import select
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+RIGHT = b"\x1b[C"
+RIGHT_APPLICATION = b"\x1bOC"  # the same arrow, as terminals send it in their other mode
+
+
+@contextmanager
+def keys(actions: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
+    """In here a key calls its action, from a thread; ctrl-c stays what it is. Tells whether there are keys."""
+    if not _has_keys():
+        yield False
+        return
+    terminal = sys.stdin.fileno()
+    before = termios.tcgetattr(terminal)
+    over, tell_over = os.pipe()
+    thread = threading.Thread(target=_listen, args=(terminal, over, actions), name="keys", daemon=True)
+    try:
+        tty.setcbreak(terminal, termios.TCSANOW)
+        thread.start()
+        yield True
+    finally:
+        os.close(tell_over)
+        if thread.is_alive():
+            thread.join()
+        os.close(over)
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+
+
+def _has_keys() -> bool:
+    """Whether a person sits there: in the background, to touch the terminal would stop this process."""
+    try:
+        terminal = sys.stdin.fileno()
+        return sys.stdin.isatty() and sys.stderr.isatty() and os.tcgetpgrp(terminal) == os.getpgrp()
+    except (OSError, ValueError, AttributeError):  # closed
+        return False
+
+
+def _listen(terminal: int, over: int, actions: Mapping[bytes, Callable[[], None]]) -> None:
+    while True:
+        ready, _, _ = select.select([terminal, over], [], [])
+        if over in ready:
+            return
+        typed = os.read(terminal, 64)
+        if not typed:  # hung up
+            return
+        for key in _parted(typed):
+            if key in actions:
+                actions[key]()
+
+
+def _parted(typed: bytes) -> Iterator[bytes]:
+    """What came at once, key by key."""
+    while typed:
+        length = 3 if typed[:2] in (b"\x1b[", b"\x1bO") else 1
+        yield typed[:length]
+        typed = typed[length:]
