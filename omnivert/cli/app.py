@@ -20,6 +20,7 @@ from omnivert.cli import (
     monitor,
     montecarlo,
     play,
+    rec,
     record,
     say,
     show_config,
@@ -40,6 +41,7 @@ app.command("up")(up.up)
 app.command("monitor")(monitor.monitor)
 app.command("record")(record.record)
 app.command("play")(play.play)
+app.add_typer(rec.app, name="rec")
 app.add_typer(import_.app, name="import")
 app.command("calibrate")(calibrate.calibrate)
 app.command("track")(track.track)

@@ -64,6 +64,8 @@ def _follow(bus: "Bus", label: Callable[[], str], over: threading.Event) -> None
             return
         if first is not None:
             break
+    else:
+        return
     with say.progress(label(), None) as bar:
         for received in listening:
             if over.is_set():

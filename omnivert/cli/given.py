@@ -47,6 +47,11 @@ class Given:
         ticks: list[int] = []
         for _, message in recording.messages(types=(sensor, Ticks)):
             (ticks if isinstance(message, Ticks) else stamps).append(message.stamp_ns)
+        return cls.of_stamps(recording, images, stamps, ticks)
+
+    @classmethod
+    def of_stamps(cls, recording: "Recording", images: bool, stamps: Sequence[int], ticks: Sequence[int]) -> "Given":
+        """The same where the stamps of the frames and of the ticks are known."""
         gaps = [1e-9 * (after - before) for before, after in pairwise(stamps)]
         lasted = 1e-9 * (stamps[-1] - stamps[0]) if len(stamps) > 1 else 0.0
         return cls(

@@ -48,6 +48,16 @@ def check_new_recording(path: Path) -> None:
     _check_place(path)
 
 
+def check_new_folder(path: Path) -> None:
+    """raises UseError or DataError when a folder cannot be begun at this place; an empty one is as good as none"""
+    if path.is_dir() and not any(path.iterdir()):
+        return
+    if path.exists():
+        what, because = f"{path} exists already", "nothing in it is overwritten"
+        raise UseError("OV208", what, because, "choose another name, or an empty folder")
+    _check_place(path)
+
+
 def made_folder(path: Path) -> Path:
     """The folder, there from now on.
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 PACKAGED = "corridor"  # the recording that comes with omnivert
 PATIENCE_S = 3.0  # how long a command looks for the router
+LARGE_BYTES = 200_000_000  # of a recording: to look into every part of it takes longer than a moment
 CORRIDOR = ("omnivert", "data", "corridor.mcap")
 
 ConfigOption = Annotated[Path | None, typer.Option("--config", "-c", help="TOML file; defaults without it.")]
@@ -93,7 +94,11 @@ def opened(name: str) -> "Recording":
     """
     from omnivert.wire.recording import Recording
 
-    return Recording(recording_path(name))
+    path = recording_path(name)
+    if path.stat().st_size < LARGE_BYTES:
+        return Recording(path)
+    with say.progress("opening", None) as bar:
+        return Recording(path, bar.reach)
 
 
 def recording_path(name: str) -> Path:

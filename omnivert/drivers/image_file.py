@@ -19,12 +19,25 @@ def frame_from_file(data: bytes, stamp_ns: int) -> Frame:
 
     raises  ValueError saying what is wrong with them
     """
-    if not data:
-        raise ValueError("the file is empty")
     if data.startswith(JPEG_START) and not _jpeg_is_whole(data):
         raise ValueError("the JPEG ends before its picture does")
     if data.startswith(PNG_START) and PNG_END not in data:
         raise ValueError("the PNG ends before its picture does")
+    frame = pixels_from_file(data, stamp_ns)
+    if data.startswith(JPEG_START):
+        return _compressed(frame, PixelFormat.JPEG, data)
+    if data.startswith(PNG_START):
+        return _compressed(frame, PixelFormat.PNG, data)
+    return frame
+
+
+def pixels_from_file(data: bytes, stamp_ns: int) -> Frame:
+    """The pixels of an image file, whatever its format, as a raw frame.
+
+    raises  ValueError saying what is wrong with it
+    """
+    if not data:
+        raise ValueError("the file is empty")
     try:
         # Stored pixels, not turned by EXIF: the mirror's place in the sensor is what counts.
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -32,12 +45,7 @@ def frame_from_file(data: bytes, stamp_ns: int) -> Frame:
         raise ValueError(f"OpenCV refuses it: {error.err}") from error
     if pixels is None:
         raise ValueError("OpenCV cannot read it as an image")
-    frame = frame_from_pixels(np.asarray(pixels), stamp_ns)
-    if data.startswith(JPEG_START):
-        return _compressed(frame, PixelFormat.JPEG, data)
-    if data.startswith(PNG_START):
-        return _compressed(frame, PixelFormat.PNG, data)
-    return frame
+    return frame_from_pixels(np.asarray(pixels), stamp_ns)
 
 
 def frame_from_pixels(pixels: NDArray[Any], stamp_ns: int) -> Frame:

@@ -36,6 +36,7 @@ class _Instant:
     bearing_rad: dict[int, float] = field(default_factory=dict)  # track -> bearing
     std_rad: list[float] = field(default_factory=list)
     age_frames: list[int] = field(default_factory=list)
+    strength: list[float] = field(default_factory=list)
 
 
 class BearingsFolder:
@@ -79,10 +80,12 @@ class BearingsFolder:
         """Rows of one time are one instant."""
         instants: list[_Instant] = []
         sightings: Counter[int] = Counter()
-        for row in rows(path, ("t_s", "track_id", "bearing_rad"), ("std_rad",)):
+        for row in rows(path, ("t_s", "track_id", "bearing_rad"), ("std_rad", "age_frames", "strength")):
             stamp = row.stamp_ns("t_s")
             if not instants or stamp != instants[-1].stamp_ns:
                 instants.append(_Instant(stamp, row.place))
+            if not row.fields["track_id"].strip() and not row.fields["bearing_rad"].strip():
+                continue  # a look that saw nothing
             instant, track = instants[-1], row.integer("track_id")
             if track < 0:
                 raise refusal(row.place, f"track_id = {track} is negative")
@@ -90,7 +93,8 @@ class BearingsFolder:
                 raise refusal(row.place, f"track_id {track} comes twice at t_s = {row.text('t_s')}")
             instant.bearing_rad[track] = _bearing_rad(row)
             instant.std_rad.append(self._row_std_rad(row))
-            instant.age_frames.append(sightings[track])
+            instant.age_frames.append(_age_frames(row, sightings[track]))
+            instant.strength.append(_strength(row))
             sightings[track] += 1
         return instants
 
@@ -115,14 +119,13 @@ class BearingsFolder:
         return ticks
 
     def _bearings(self, instant: _Instant) -> Bearings:
-        count = len(instant.bearing_rad)
         return Bearings(
             stamp_ns=instant.stamp_ns + self.shift_ns,
             track_id=np.array(list(instant.bearing_rad), dtype=np.int64),
             bearing_rad=np.array(list(instant.bearing_rad.values()), dtype=np.float64),
             std_rad=np.array(instant.std_rad, dtype=np.float64),
             age_frames=np.array(instant.age_frames, dtype=np.int32),
-            strength=np.ones(count, dtype=np.float32),
+            strength=np.array(instant.strength, dtype=np.float32),
         )
 
     def _passed_over(self) -> tuple[str, ...]:
@@ -158,6 +161,26 @@ def _bearing_rad(row: Row) -> float:
     if abs(given) > WIDEST_RAD:
         raise refusal(row.place, f"bearing_rad = {given:g} is not within -2 pi to 2 pi; bearings are in radians")
     return wrap(given)
+
+
+def _age_frames(row: Row, sightings: int) -> int:
+    """The row's own, else how often the track was seen before."""
+    if "age_frames" not in row.fields:
+        return sightings
+    age = row.integer("age_frames")
+    if not 0 <= age < 2**31:
+        raise refusal(row.place, f"age_frames = {age} is no number of frames")
+    return age
+
+
+def _strength(row: Row) -> float:
+    """The row's own, else as strong as can be."""
+    if "strength" not in row.fields:
+        return 1.0
+    strength = row.number("strength")
+    if not 0.0 <= strength <= 1.0:
+        raise refusal(row.place, f"strength = {strength:g} is not within 0 to 1")
+    return strength
 
 
 def _way_m(row: Row, column: str) -> float:

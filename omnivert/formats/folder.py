@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.config import Config
-from omnivert.drivers.image_file import frame_from_file
+from omnivert.drivers.image_file import MAX_SIDE_PX, frame_from_file, pixels_from_file
 from omnivert.formats.drive_folder import ClosedFolder, hold_in_order, hold_together
 from omnivert.formats.meta import Laser, Meta
 from omnivert.formats.table import Row, refusal, rows, wide_rows
-from omnivert.messages import Frame, Message, Scan, Ticks
+from omnivert.messages import Frame, Message, PixelFormat, Scan, Ticks
+
+KEPT = ("format", "width_px", "height_px")  # optional columns, which an export writes
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,9 @@ class _Image:
     stamp_ns: int
     place: str
     path: Path
+    kept: PixelFormat | None  # as what an export had it; None: anybody's file
+    width_px: int = 0
+    height_px: int = 0
 
 
 class FramesFolder:
@@ -44,7 +49,7 @@ class FramesFolder:
             (row.place, Ticks(row.stamp_ns("t_s"), row.integer("left_ticks"), row.integer("right_ticks")))
             for row in rows(folder / "encoders.csv", ("t_s", "left_ticks", "right_ticks"))
         ]
-        self._images = [self._image(row) for row in rows(folder / "frames.csv", ("index", "t_s", "file"))]
+        self._images = [self._image(row) for row in rows(folder / "frames.csv", ("index", "t_s", "file"), KEPT)]
         self._scans: list[tuple[str, Scan]] = []
         if (folder / "scans.csv").exists():
             laser = meta.laser()
@@ -78,21 +83,40 @@ class FramesFolder:
 
     def _image(self, row: Row) -> _Image:
         row.integer("index")
-        return _Image(
-            row.stamp_ns("t_s"), row.place, self._folder.inside(self._folder.path / row.text("file"), row.place)
-        )
+        path = self._folder.inside(self._folder.path / row.text("file"), row.place)
+        if not row.fields.keys() >= set(KEPT):
+            return _Image(row.stamp_ns("t_s"), row.place, path, None)
+        form = row.text("format")
+        if form not in tuple(PixelFormat):
+            raise refusal(row.place, f"format = {form[:40]!r} is none of {', '.join(PixelFormat)}")
+        size = row.integer("width_px"), row.integer("height_px")
+        if not all(1 <= side <= MAX_SIDE_PX for side in size):
+            raise refusal(row.place, f"a frame of {size[0]} x {size[1]} pixels is beyond the limit of {MAX_SIDE_PX}")
+        return _Image(row.stamp_ns("t_s"), row.place, path, PixelFormat(form), *size)
 
     def _frame(self, image: _Image) -> Frame:
         place = f"{image.place}, {image.path.relative_to(self._folder.path)}"
+        data, stamp_ns = self._folder.bytes_of(image.path, place), image.stamp_ns + self.shift_ns
+        if image.kept in (PixelFormat.JPEG, PixelFormat.PNG):
+            # As it was recorded, be it torn or of another size: of the recording, too, the vision says so.
+            return Frame(stamp_ns, image.kept, image.width_px, image.height_px, np.frombuffer(data, np.uint8))
         try:
-            frame = frame_from_file(self._folder.bytes_of(image.path, place), image.stamp_ns + self.shift_ns)
+            frame = pixels_from_file(data, stamp_ns) if image.kept else frame_from_file(data, stamp_ns)
         except ValueError as error:
             raise refusal(place, str(error)) from error
-        camera = self.config.camera
-        if (frame.width_px, frame.height_px) != (camera.width_px, camera.height_px):
-            size, said = f"{frame.width_px} x {frame.height_px}", f"{camera.width_px} x {camera.height_px}"
-            raise refusal(place, f"the image has {size} pixels, meta.json says {said}")
+        self._hold_to_size(frame, image, place)
+        if image.kept not in (None, frame.format):
+            raise refusal(place, f"the image is {frame.format}, frames.csv says {image.kept}")
         return frame
+
+    def _hold_to_size(self, frame: Frame, image: _Image, place: str) -> None:
+        camera = self.config.camera
+        said, who = (camera.width_px, camera.height_px), "meta.json"
+        if image.kept is not None:
+            said, who = (image.width_px, image.height_px), "frames.csv"
+        if (frame.width_px, frame.height_px) != said:
+            size = f"{frame.width_px} x {frame.height_px}"
+            raise refusal(place, f"the image has {size} pixels, {who} says {said[0]} x {said[1]}")
 
 
 def _scan(row: Row, laser: Laser) -> Scan:

@@ -16,6 +16,8 @@ LONGEST_RANGE_M = 1e4  # what a Scan can say
 LARGEST = 1e18  # an integer beyond this has no float
 FINEST_STD_RAD, WIDEST_STD_RAD = 1e-6, pi  # what Bearings can say
 
+EXPORTED = "omnivert"  # key of what an export knows of the rig beyond the form of the folder
+
 # Displacements in metres are counted by a wheel of 1 m around in 10 million ticks: 0.1 um a tick, finer than logs are.
 # Rounding to it is nothing beside the wheels' noise (0.45 mm in 1 mm of way, eq. 31), and 2^53 ticks go 900 000 km.
 METRE_WHEEL = {"wheel_diameter_m": 1.0 / pi, "ticks_per_rev": 10_000_000}
@@ -55,23 +57,29 @@ class Meta:
     def config(self, base: Config) -> Config:
         """The settings with this rig: names and all that the file does not say come from `base`."""
         rig = {
-            "robot": {"wheel_base_m": self._number("robot.wheel_base_m")},
+            "robot": {
+                "wheel_base_m": self._number("robot.wheel_base_m"),
+                **self._optional("robot", "id"),
+            },
             "encoder": {
                 "wheel_diameter_m": self._number("robot.wheel_diameter_m"),
                 "ticks_per_rev": self._number("robot.ticks_per_rev"),
                 "left_sign": 1,  # the folder's counts are signed already
                 "right_sign": 1,
+                **self._optional("encoder", "id", "noise_k_m", "left_sign", "right_sign"),
             },
             "camera": {
                 "width_px": self._number("image.width"),
                 "height_px": self._number("image.height"),
                 "bearing_sign": self._number("bearing_sign"),
                 "frame_rate_hz": self._number("frame_rate_hz"),
+                **self._optional("camera", "id"),
             },
             "ring": {
                 "center_px": self._value("ring.center_px"),
                 "r_min_px": self._number("ring.r_min_px"),
                 "r_max_px": self._number("ring.r_max_px"),
+                **self._optional("ring", "horizon_px"),
             },
         }
         return self._with_rig(base, rig)
@@ -83,9 +91,22 @@ class Meta:
         configuration still fits.
         """
         rig = {
-            "robot": {"wheel_base_m": self._number("robot.wheel_base_m")},
-            "encoder": {**METRE_WHEEL, "left_sign": 1, "right_sign": 1},
-            "camera": {"bearing_sign": 1, "frame_rate_hz": rate_hz},  # the folder's bearings are counter-clockwise
+            "robot": {
+                "wheel_base_m": self._number("robot.wheel_base_m"),
+                **self._optional("robot", "id"),
+            },
+            "encoder": {
+                **METRE_WHEEL,
+                "left_sign": 1,
+                "right_sign": 1,
+                **self._optional("encoder", *METRE_WHEEL, "id", "noise_k_m", "left_sign", "right_sign"),
+            },
+            "camera": {
+                "bearing_sign": 1,  # the folder's bearings are counter-clockwise
+                "frame_rate_hz": rate_hz,
+                **self._optional("camera", "id", "frame_rate_hz", "bearing_sign", "width_px", "height_px"),
+            },
+            "ring": self._optional("ring", "center_px", "r_min_px", "r_max_px", "horizon_px"),
         }
         return self._with_rig(base, rig)
 
@@ -115,6 +136,12 @@ class Meta:
             return with_rig(base, rig, self._name)
         except UseError as error:
             raise DataError("OV310", error.what, error.because, "omnivert explain OV310") from error
+
+    def _optional(self, table: str, *keys: str) -> dict[str, Any]:
+        """What an export has put beside what anybody can write, so that nothing of the rig is lost on the way."""
+        given = self._given.get(EXPORTED)
+        given = given.get(table) if isinstance(given, dict) else None
+        return {key: given[key] for key in keys if key in given} if isinstance(given, dict) else {}
 
     def _value(self, place: str) -> Any:
         value: Any = self._given

@@ -1,11 +1,12 @@
-"""A folder that has been read -> a recording, all of it or nothing."""
+"""What has been read -> a new recording, all of it or nothing."""
 
 import glob
 import os
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.formats.drive_folder import DriveFolder
 from omnivert.wire.channels import CHANNELS
@@ -21,16 +22,26 @@ def write_recording(given: DriveFolder, out: Path, progress: Progress | None = N
     """
     keys = {channel.message: channel.key(given.config) for channel in CHANNELS}
     total = sum(given.counts.values())
-    begun = out.with_name(f".{out.name}.{os.getpid()}.part")
+    with new_recording(out, given.config) as writer:
+        for done, message in enumerate(given.messages(), 1):
+            writer.write(keys[type(message)], message)
+            if progress is not None:
+                progress(done, total)
+        for name, data in given.attachments():
+            writer.attach(name, data)
+
+
+@contextmanager
+def new_recording(out: Path, config: Config, compression: str = "zstd") -> Iterator[RecordingWriter]:
+    """A recording to write, which appears at `out` when the block has gone well, and not before.
+
+    raises  DataError when it cannot be written
+    """
+    begun = hidden_beside(out)
     _clear_away(out)
     try:
-        with RecordingWriter(begun, given.config) as writer:
-            for done, message in enumerate(given.messages(), 1):
-                writer.write(keys[type(message)], message)
-                if progress is not None:
-                    progress(done, total)
-            for name, data in given.attachments():
-                writer.attach(name, data)
+        with RecordingWriter(begun, config, compression) as writer:
+            yield writer
         with begun.open("rb+") as whole:
             os.fsync(whole.fileno())
         begun.replace(out)
@@ -39,6 +50,11 @@ def write_recording(given: DriveFolder, out: Path, progress: Progress | None = N
     finally:
         with suppress(OSError):
             begun.unlink(missing_ok=True)
+
+
+def hidden_beside(out: Path) -> Path:
+    """Where something is made that will be `out` when it is whole."""
+    return out.with_name(f".{out.name}.{os.getpid()}.part")
 
 
 def _clear_away(out: Path) -> None:

@@ -54,6 +54,7 @@ class Recording:
     start_ns    first and last stamp of what sensors and results say
     end_ns
     counts      messages by key
+    spans       their first and last stamp
     cut         what is wrong with the file; "" when it is whole
     lost        messages that were written and cannot be read, where the file says how many there were
     refused     messages that could not be read, by reason; grows while reading
@@ -66,6 +67,7 @@ class Recording:
         self.cut = ""
         self.lost = 0
         self.counts: Counter[str] = Counter()
+        self.spans: dict[str, tuple[int, int]] = {}
         self.refused: Counter[str] = Counter()
         self.start_ns = 0
         self.end_ns = 0
@@ -213,7 +215,10 @@ class Recording:
         if not records:
             return
         for record in records:
-            self.counts[self._topics.get(record.channel_id, ("", ""))[0]] += 1
+            key, at_ns = self._topics.get(record.channel_id, ("", ""))[0], record.log_time
+            first, last = self.spans.get(key, (at_ns, at_ns))
+            self.spans[key] = min(first, at_ns), max(last, at_ns)
+            self.counts[key] += 1
         stamps = [record.log_time for record in records]
         of_sensors = [r.log_time for r in records if self._topics.get(r.channel_id, ("", ""))[1] not in HOST_CLOCK]
         self._chunks.append(_Chunk(place, min(stamps), max(stamps), min(of_sensors or stamps)))

@@ -281,7 +281,11 @@ presses = st.lists(st.sampled_from(["space", "step", "play", "play", "play", "pl
 def test_a_step_is_one_frame_and_all_that_comes_before_the_next(pressed: Any) -> None:
     """Every third message is a frame; beside the controls runs a model that counts frames alone."""
     controls, at, paused, due = Controls(), 0, False, 0
-    frames = lambda: -(-at // 3)  # noqa: E731 - frames among the messages played, of which the first is one
+
+    def frames() -> int:
+        """Among the messages played, of which the first is one."""
+        return -(-at // 3)
+
     for press in pressed:
         match press:
             case "space":

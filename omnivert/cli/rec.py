@@ -1,0 +1,127 @@
+"""`omnivert rec`: look into recordings, cut and merge them, and turn them into plain files."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from omnivert.cli import say
+from omnivert.cli.outputs import check_distinct, check_new_folder, check_new_recording
+from omnivert.cli.settings import JsonOption, RecordingArgument, opened, title
+from omnivert.errors import UseError
+
+if TYPE_CHECKING:
+    from omnivert.wire.recording import Recording
+
+app = typer.Typer(help="Look into recordings, cut, merge and export them.")
+
+OutputOption = Annotated[Path, typer.Option("--output", "-o", metavar="OUT.mcap", help="Recording to write.")]
+
+
+@app.callback()
+def root() -> None:
+    """Look into recordings, cut, merge and export them."""
+
+
+@app.command("info")
+def info(recording: RecordingArgument, as_json: JsonOption = False) -> None:
+    """What a recording holds, stream by stream, how far was driven, and whether its file is sound."""
+    from omnivert.cli.inventory import inventory
+
+    source = opened(recording)
+    with say.progress("reading", source.counts.total()) as bar:
+        found = inventory(source, bar.step)
+    if as_json:
+        say.json_result({"recording": title(recording), **found.json()})
+        return
+    say.result(f"{title(recording)}  {found.given}")
+    for line in found.lines():
+        say.result(line)
+
+
+@app.command("cut")
+def cut(
+    recording: RecordingArgument,
+    output: OutputOption,
+    start: Annotated[float | None, typer.Option("--from", help="Second to begin at.", min=0.0)] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Second to end before.", min=0.0)] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A part of a recording as a recording of its own; without --from and --to all that can be read of it."""
+    from omnivert.formats import recut
+
+    for option, second in (("--from", start), ("--to", end)):
+        if second is not None and not math.isfinite(second):
+            help = "omnivert rec info REC   # shows how long it is"
+            raise UseError("OV205", f"omnivert rec cut: {option} {second}", "it is a second of the recording", help)
+    source = opened(recording)
+    _check(output, [source])
+    with say.progress("cutting", None) as bar:
+        counts = recut.cut(source, output, start, end, bar.reach)
+    _tell(output, counts, (), as_json)
+
+
+@app.command("merge")
+def merge(
+    recordings: Annotated[list[str], typer.Argument(metavar="REC REC ...", help="Recordings of one rig, any order.")],
+    output: OutputOption,
+    as_json: JsonOption = False,
+) -> None:
+    """Recordings of one rig that follow each other, such as the parts of one that was split, as one recording."""
+    from omnivert.formats import recut
+
+    sources = [opened(recording) for recording in recordings]
+    _check(output, sources)
+    if len(sources) < 2:
+        raise UseError("OV205", "omnivert rec merge: one recording alone", "there is nothing to merge it with", "")
+    with say.progress("merging", None) as bar:
+        counts, left_out = recut.merge(sources, output, bar.reach)
+    _tell(
+        output, counts, [f"{name} differs from recording to recording, and is left out" for name in left_out], as_json
+    )
+
+
+@app.command("export")
+def export(
+    recording: RecordingArgument,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write; new, or empty.")],
+    as_json: JsonOption = False,
+) -> None:
+    """A recording as plain files, of which omnivert import makes the same messages again."""
+    from omnivert.formats import folder_export
+
+    source = opened(recording)
+    check_new_folder(output)
+    with say.progress("exporting", None) as bar:
+        exported = folder_export.export(source, output, bar.reach)
+    counts = dict(exported.counts)
+    if as_json:
+        body = {"folder": str(output), "kind": exported.kind, "messages": counts, "notes": exported.notes}
+        say.json_result(body)
+        return
+    say.result(f"{output}  {' · '.join(f'{count} {name}' for name, count in counts.items())}")
+    _note(exported.notes)
+    say.story(f"next    omnivert import {exported.kind} {output} -o OUT.mcap   # makes a recording of it again")
+
+
+def _check(output: Path, sources: "Sequence[Recording]") -> None:
+    check_distinct({f"recording {source.path}": source.path for source in sources}, {"--output": output})
+    check_new_recording(output)
+
+
+def _tell(output: Path, counts: dict[str, int], notes: Sequence[str], as_json: bool) -> None:
+    size = output.stat().st_size
+    if as_json:
+        say.json_result({"recording": str(output), "bytes": size, "messages": counts, "notes": list(notes)})
+        return
+    say.result(f"{output}  {size / 1e6:.1f} MB · {sum(counts.values())} messages")
+    _note(notes)
+    say.story(f"next    omnivert rec info {output}")
+
+
+def _note(notes: Sequence[str]) -> None:
+    for note in notes:
+        say.story(f"[yellow]note[/]    {escape(note)}")
