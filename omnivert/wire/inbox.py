@@ -26,7 +26,7 @@ class _Slot:
 class Inbox:
     """A queue. Of a LATEST channel only the newest live message waits, at the place of the one that it displaced.
 
-    every  all of them wait, for whoever must miss none
+    every  all of them wait, for whoever must miss none, and those that have come are given after it was closed, too
     """
 
     def __init__(self, max_messages: int, max_bytes: int, every: bool = False) -> None:
@@ -43,6 +43,8 @@ class Inbox:
         """Adds a message and returns those that it displaced."""
         displaced: list[Parcel] = []
         with self._changed:
+            if self._closed:
+                return displaced
             self._bytes += len(parcel.data)
             displaces = parcel.channel.delivery is Delivery.LATEST and not parcel.envelope.replay and not self._every
             if displaces and (slot := self._latest.get(parcel.key)) is not None:
@@ -63,17 +65,18 @@ class Inbox:
         """The oldest message; None after the timeout, or when the inbox is closed."""
         with self._changed:
             self._changed.wait_for(lambda: self._queue or self._closed, timeout_s)
-            return self._popped() if self._queue and not self._closed else None
+            return self._popped() if self._queue and not self.closed else None
 
     def close(self) -> None:
-        """Wakes up whoever waits, and gives nothing more."""
+        """Wakes up whoever waits, and takes nothing more."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     @property
     def closed(self) -> bool:
-        return self._closed
+        """Whether nothing is given any more."""
+        return self._closed and not (self._every and self._queue)
 
     def __len__(self) -> int:
         return len(self._queue)

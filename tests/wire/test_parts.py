@@ -125,6 +125,17 @@ def test_what_has_been_taken_is_remembered_within_bounds() -> None:
     assert not once.has_taken("k", Envelope(A, A, 2999, 0))
 
 
+@pytest.mark.parametrize("every", [True, False])
+def test_what_came_before_the_end_is_given_to_whoever_must_miss_none(every: bool) -> None:
+    inbox = Inbox(100, 10_000, every)
+    for number in range(3):
+        inbox.put(parcel(TICKS, number))
+    inbox.close()
+    assert inbox.put(parcel(TICKS, 3)) == []
+    given = [p.envelope.sequence for p in iter(lambda: inbox.take(0.0), None)]
+    assert (given, inbox.closed) == ([0, 1, 2] if every else [], True)
+
+
 # ------------------------------------------------------------------ meter
 
 
