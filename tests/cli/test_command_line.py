@@ -20,6 +20,10 @@ COMMANDS = [
     ("monitor",),
     ("record",),
     ("play",),
+    ("rec", "info"),
+    ("rec", "cut"),
+    ("rec", "merge"),
+    ("rec", "export"),
     ("import", "frames"),
     ("calibrate",),
     ("track",),
@@ -28,6 +32,7 @@ COMMANDS = [
     ("extrinsics", "history"),
     ("extrinsics", "export"),
     ("bench", "pipeline"),
+    ("bench", "recording"),
     ("config",),
     ("explain",),
 ]
