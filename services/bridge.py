@@ -21,6 +21,7 @@ from omnivert.wire.channels import FRAME, TICKS
 from services import _start
 
 TURN_S = 0.1  # how often the loop looks at the rest while no frame comes
+TELL_NS = 10**9  # how often health hears of the encoder's clock
 JOIN_S = 1.0  # a thread that is stuck in a driver is left behind
 
 
@@ -64,7 +65,8 @@ def read_encoder(bus: Bus, config: Config, stop: threading.Event) -> None:
     line = EncoderLine(config.encoder)
     silence = Silence(bus, "encoder", config.encoder.port, config.encoder.silent_after_s)
     counted: Counter[str] = Counter()
-    for piece in pieces(config.encoder, stop):
+    told_ns = 0
+    for piece in pieces(config.encoder, stop, line):
         arrival_ns = time.monotonic_ns()
         match piece:
             case Opened():
@@ -81,6 +83,9 @@ def read_encoder(bus: Bus, config: Config, stop: threading.Event) -> None:
         for reason, times in (refused - counted).items():
             bus.refuse(f"encoder: {reason}", times)
         counted = refused
+        if arrival_ns - told_ns > TELL_NS:
+            told_ns = arrival_ns
+            bus.note(f"clock of the encoder: {line.clock}" if line.clock else None, "encoder clock")
 
 
 def read_camera(

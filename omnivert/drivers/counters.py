@@ -1,9 +1,9 @@
-"""Raw counts -> cumulative counts: rollover undone, signs applied, jumps refused."""
+"""Raw counts -> cumulative counts: rollover undone, sides and signs put right, jumps refused."""
 
 from dataclasses import dataclass
-from math import pi
 
 from omnivert.config import Encoder
+from omnivert.drivers.protocols import counter_bits, counts_per_s
 
 BREAK = 2**40  # counts; no wheel makes them in a silence that is short enough to be bridged
 START_SPAN = 2**52  # counts; what is added to a start within it stays a number that Ticks can hold
@@ -23,9 +23,10 @@ class CounterPair:
     """
 
     def __init__(self, config: Encoder) -> None:
-        self._span = 1 << config.counter_bits
+        self._span = 1 << counter_bits(config)
+        self._swapped = config.swap_sides
         self._signs = (config.left_sign, config.right_sign)
-        self._counts_per_s = config.max_speed_m_s * config.ticks_per_rev / (config.wheel_diameter_m * pi)
+        self._counts_per_s = counts_per_s(config)
         self._raw: tuple[int, int] | None = None
         self._total = (0, 0)
         self._break = BREAK
@@ -33,9 +34,10 @@ class CounterPair:
     def step(self, left: int, right: int, elapsed_s: float) -> tuple[int, int] | Jump:
         """Cumulative counts, positive forward; a jump leaves the state as it was.
 
-        left, right  raw counts, signed or unsigned
+        left, right  raw counts, signed or unsigned, as the device calls its sides
         elapsed_s    since the last pair that was taken
         """
+        left, right = (right, left) if self._swapped else (left, right)
         if not (self._fits(left) and self._fits(right)):
             return Jump("count beyond the counter's width")
         if self._raw is None:
@@ -55,6 +57,7 @@ class CounterPair:
 
         What was driven meanwhile is unknown, and whoever adds up the way must see that it is.
         """
+        left, right = (right, left) if self._swapped else (left, right)
         if not (self._fits(left) and self._fits(right)):
             return Jump("count beyond the counter's width")
         self._raw = (left, right)

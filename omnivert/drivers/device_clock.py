@@ -10,8 +10,10 @@ from collections import deque
 from dataclasses import dataclass
 
 from omnivert.config import Encoder
+from omnivert.drivers.lateness import Lateness
 
 NS_PER_US = 1000
+SPAN_US = 2**32  # where a device's clock rolls over
 
 
 @dataclass(slots=True)
@@ -26,6 +28,8 @@ class _Least:
 class DeviceClock:
     """One device's clock since it was last restarted; device times in, not rolled over, growing."""
 
+    own = True  # a device's, which begins anew when the device does
+
     def __init__(self, config: Encoder) -> None:
         self._window_ns = int(config.clock_window_s * 1e9)
         self._stretch_ns = self._window_ns // 50
@@ -33,6 +37,7 @@ class DeviceClock:
         self._least: deque[_Least] = deque()
         self._skew = 0.0
         self._origin = (0, 0)  # a point on the edge: device time, offset
+        self._lateness = Lateness()
 
     def step(self, device_us: int, arrival_ns: int) -> int:
         """When the device read its counters, on the bridge's clock; never after the arrival."""
@@ -49,7 +54,20 @@ class DeviceClock:
             if offset_ns - self._skew * device_ns < newest.offset_ns - self._skew * newest.device_ns:
                 newest.device_ns, newest.offset_ns = device_ns, offset_ns
                 self._fit()
-        return min(self._sent_ns(device_ns), arrival_ns)
+        sent_ns = min(self._sent_ns(device_ns), arrival_ns)
+        self._lateness.add(arrival_ns - sent_ns)
+        return sent_ns
+
+    def advance_us(self, before_us: int, after_us: int) -> int:
+        """How far the device's clock has gone on, its rollover undone; negative when it went back; us."""
+        half = SPAN_US // 2
+        return (after_us - before_us + half) % SPAN_US - half
+
+    def __str__(self) -> str:
+        """Drift and jitter, in words; "" before there is anything to tell."""
+        late = str(self._lateness)
+        drift = f"{abs(1e6 * self._skew):.0f} ppm {'fast' if self._skew < 0 else 'slow'}"
+        return late and f"runs {drift}; lines come {late} after the fastest"
 
     def early_ns(self, device_us: int, arrival_ns: int) -> int:
         """How long before it was sent, by this clock, a line would have arrived; negative when it came after."""
@@ -80,3 +98,18 @@ class DeviceClock:
 def _turns_down(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:
     """Whether b lies on or above the line from a to c."""
     return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])
+
+
+class BridgeClock:
+    """In place of a device's clock where the device tells no time: readings are stamped by the bridge's own."""
+
+    own = False
+
+    def step(self, time_us: int, arrival_ns: int) -> int:
+        return min(time_us * NS_PER_US, arrival_ns)
+
+    def advance_us(self, before_us: int, after_us: int) -> int:
+        return after_us - before_us
+
+    def early_ns(self, time_us: int, arrival_ns: int) -> int:
+        return time_us * NS_PER_US - arrival_ns

@@ -2,8 +2,11 @@
 
 import os
 import termios
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from threading import Event
+from typing import Protocol
 
 import serial
 
@@ -11,10 +14,22 @@ from omnivert.config import Encoder
 from omnivert.drivers.device import Lost, Opened
 
 QUIET_S = 0.1  # how long one read waits; so fast a stop is heard
+WRITE_S = 1.0  # a port that takes nothing for so long is gone
+LARGEST = 4096  # bytes in one piece
 TROUBLES = (serial.SerialException, OSError, termios.error, ValueError)
 
 
-def pieces(config: Encoder, stop: Event) -> Iterator[bytes | Opened | Lost]:
+class Asker(Protocol):
+    """Knows what a device must be told."""
+
+    def question(self, now_ns: int) -> bytes:
+        """What to send now; mostly nothing."""
+
+    def idle_s(self, now_ns: int) -> float:
+        """For so long nothing comes and nothing is to be sent."""
+
+
+def pieces(config: Encoder, stop: Event, asker: Asker) -> Iterator[bytes | Opened | Lost]:
     """What the port sends, as it comes, until `stop`; b"" after a quiet moment.
 
     A port that does not open or goes away is Lost, once for each new reason, and is tried again every `reopen_s`.
@@ -34,7 +49,11 @@ def pieces(config: Encoder, stop: Event) -> Iterator[bytes | Opened | Lost]:
         try:
             yield Opened()
             while not stop.is_set():
-                yield port.read(1) + port.read(port.in_waiting)
+                if idle_s := asker.idle_s(time.monotonic_ns()):
+                    stop.wait(min(idle_s, QUIET_S))
+                if not port.in_waiting:  # else it is no answer to what is asked now
+                    _ask(port, asker)
+                yield _piece(port)
         except TROUBLES as error:
             reason = f"is gone: {_words(error)}"
             yield Lost(reason)
@@ -45,13 +64,30 @@ def pieces(config: Encoder, stop: Event) -> Iterator[bytes | Opened | Lost]:
 
 def _opened(config: Encoder) -> serial.SerialBase:
     # Exclusive: two readers would each get half of the lines.
-    port = serial.serial_for_url(config.port, config.baud, timeout=QUIET_S, exclusive=True)
+    quiet_s = min(QUIET_S, 1.0 / config.poll_rate_hz)
+    port = serial.serial_for_url(config.port, config.baud, timeout=quiet_s, write_timeout=WRITE_S, exclusive=True)
+    with suppress(*TROUBLES, AttributeError):
+        port.set_low_latency_mode(True)  # a USB adapter may keep what it has for 16 ms
     try:
         port.reset_input_buffer()  # lines from before would be taken for late ones
     except TROUBLES:
         _close(port)
         raise
     return port
+
+
+def _ask(port: serial.SerialBase, asker: Asker) -> None:
+    question = asker.question(time.monotonic_ns())
+    if question:
+        port.write(question)
+
+
+def _piece(port: serial.SerialBase) -> bytes:
+    """What is there, or comes within a moment."""
+    piece: bytes = port.read(1)
+    while piece and len(piece) < LARGEST and (waiting := port.in_waiting):
+        piece += port.read(waiting)
+    return piece
 
 
 def _close(port: serial.SerialBase) -> None:

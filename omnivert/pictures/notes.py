@@ -2,7 +2,10 @@
 
 import re
 
-_HARMLESS = ("begins from nothing", "goes on from the stored extrinsics", "camera: source finished")
+_HARMLESS = (
+    *("begins from nothing", "goes on from the stored extrinsics"),
+    *("camera: source finished", "clock of the encoder"),
+)
 _BEGINNING = _HARMLESS[:2]  # of interest until the first estimate has come
 _SIZE = re.compile(r"camera: frames have (\d+) x (\d+) pixels, the configuration says (\d+) x (\d+)")
 _DEVICE = re.compile(r"(camera|encoder): (?=\S)")

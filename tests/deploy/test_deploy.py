@@ -12,7 +12,8 @@ import pytest
 from omnivert.cli.settings import with_mode
 from omnivert.cli.show_config import annotated
 from omnivert.config import Config, load
-from omnivert.drivers.line_protocol import LineParser, Sample
+from omnivert.drivers.protocols.omnivert_line import OmnivertLine
+from omnivert.drivers.protocols.sample import Sample
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 
@@ -79,7 +80,7 @@ def test_the_arduino_sketch_speaks_the_protocol(tmp_path: Path) -> None:
     sketch = f'-DSKETCH="{DEPLOY / "encoder.ino"}"'
     subprocess.run([compiler, "-Wall", "-Werror", "-include", "cstdio", sketch, source, "-o", program], check=True)
     said = subprocess.run([program], check=True, capture_output=True).stdout
-    parser = LineParser()
+    parser = OmnivertLine()
     samples = parser.feed(said)
     assert not parser.refused
     start = 1000

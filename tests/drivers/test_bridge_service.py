@@ -20,8 +20,9 @@ import pytest
 
 from omnivert.config import Config, parsed
 from omnivert.drivers.device import Lost
-from omnivert.drivers.line_protocol import Sample, line_from_sample
 from omnivert.drivers.newest import Newest
+from omnivert.drivers.protocols.omnivert_line import line_from_sample
+from omnivert.drivers.protocols.sample import Sample
 from omnivert.errors import UseError
 from omnivert.messages import Frame, Health, Message, Ticks
 from omnivert.wire import rivals

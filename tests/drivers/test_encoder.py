@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from omnivert.config import Encoder
 from omnivert.drivers.counters import BREAK, CounterPair, Jump
 from omnivert.drivers.encoder import RESTARTED, EncoderLine
-from omnivert.drivers.line_protocol import Sample, line_from_sample
+from omnivert.drivers.protocols.omnivert_line import line_from_sample
+from omnivert.drivers.protocols.sample import Sample
 from omnivert.messages import Ticks
 from omnivert.odometry import Odometer
 
 MS = 1_000_000
 FAST = Encoder(max_speed_m_s=5.0)  # 212 counts in 20 ms
+UNWIRED = Encoder(baud=4_000_000)  # a line takes no time on the wire
 
 
 def read(line: EncoderLine, sample: Sample, arrival_ms: float) -> list[tuple[int, int]]:
@@ -169,7 +171,7 @@ class Way:
 def received(way: Way, seconds: float, seed: int) -> tuple[list[Ticks], np.ndarray]:
     """Ticks of a device read at 50 Hz, and when it really read them."""
     rng = np.random.default_rng(seed)
-    line = EncoderLine(Encoder())
+    line = EncoderLine(UNWIRED)
     read_s = np.arange(0.0, seconds, 0.02) + 100.0
     device_us = np.round((read_s + way.offset_s) * (1.0 + way.skew) * 1e6).astype(np.int64)
     delay_s = way.least_delay_s + rng.exponential(way.jitter_s, len(read_s)) + (rng.random(len(read_s)) < 0.01) * 0.05

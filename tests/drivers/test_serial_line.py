@@ -12,7 +12,8 @@ import pytest
 from omnivert.config import Encoder
 from omnivert.drivers.device import Lost, Opened
 from omnivert.drivers.encoder import EncoderLine
-from omnivert.drivers.line_protocol import Sample, line_from_sample
+from omnivert.drivers.protocols.omnivert_line import line_from_sample
+from omnivert.drivers.protocols.sample import Sample
 from omnivert.drivers.serial_line import pieces
 from omnivert.messages import Ticks
 
@@ -71,7 +72,7 @@ def sent(k: int) -> bytes:
 def test_lines_among_garbage_and_a_partial_line_come_through(device: Device, config: Encoder) -> None:
     device.plug_in()
     stop, line = Event(), EncoderLine(config)
-    stream = pieces(config, stop)
+    stream = pieces(config, stop, line)
     assert next(stream) == Opened()
     device.send(sent(1)[9:] + sent(2) + b"\xff\x00\x11garbage\r\n" + sent(3)[:12])
     assert ticks_until(1, stream, line)[0].left == 20
@@ -96,7 +97,7 @@ class Pauses(Event):
 
 def test_an_unplugged_port_is_named_and_read_again_after_one_pause(device: Device, config: Encoder) -> None:
     stop, line = Pauses(), EncoderLine(config)
-    stream = pieces(config, stop)
+    stream = pieces(config, stop, line)
     assert next(stream) == Lost("does not open: No such file or directory")
     device.plug_in()
     assert next(stream) == Opened()
@@ -121,8 +122,8 @@ def test_an_unplugged_port_is_named_and_read_again_after_one_pause(device: Devic
 
 def test_a_port_that_another_program_reads_is_refused(device: Device, config: Encoder) -> None:
     device.plug_in()
-    stop = Event()
-    first, second = pieces(config, stop), pieces(config, stop)
+    stop, line = Event(), EncoderLine(config)
+    first, second = pieces(config, stop, line), pieces(config, stop, line)
     assert next(first) == Opened()
     lost = next(second)
     assert isinstance(lost, Lost)

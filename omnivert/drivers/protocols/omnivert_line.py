@@ -1,39 +1,33 @@
-"""The encoder's lines of text -> samples: incremental, from bytes in any pieces.
+"""omnivert's own protocol: lines of text with the device's time, by themselves.
 
 $T,<device time, us>,<left>,<right>*<CRC-16>\\n        described in deploy/encoder-protocol.md
 """
 
 import re
+from binascii import crc_hqx
 from collections import Counter
-from dataclasses import dataclass
+
+from omnivert.drivers.device_clock import SPAN_US
+from omnivert.drivers.protocols.sample import Sample
 
 LONGEST_LINE = 80  # bytes; the longest line that can be right has 68
+BEGIN = b"$T,"
 LINE = re.compile(rb"\$T,(\d{1,10}),(-?\d{1,19}),(-?\d{1,19})\*([0-9A-Fa-f]{4})")
-DEVICE_TIME_SPAN_US = 2**32
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One line, as the device sent it."""
+class OmnivertLine:
+    """A line ends at \\n or \\r, and the last that begins in it counts.
 
-    device_us: int  # [0, 2**32), rolls over after 71.6 min
-    left: int  # raw counts, rolling over with the counter's width
-    right: int
-
-
-class LineParser:
-    """Finds the whole and right lines in a stream of bytes and counts what it had to leave out.
-
-    A line ends at \\n or \\r; so after garbage, or after a piece that was lost, the next line is read again.
+    So after garbage, or after a piece that was lost, the next line is read, even if it is the line's end that was lost.
     """
 
     def __init__(self) -> None:
-        self.refused: Counter[str] = Counter()  # by reason
+        self.refused: Counter[str] = Counter()
         self._begun = bytearray()
         self._overlong = False
+        self._remark = False
 
     def feed(self, data: bytes) -> list[Sample]:
-        """The samples that these bytes complete."""
         samples = []
         *ended, rest = data.replace(b"\r", b"\n").split(b"\n")
         for piece in ended:
@@ -45,39 +39,42 @@ class LineParser:
         return samples
 
     def reset(self) -> None:
-        """Forgets a line that was begun: the port was closed, its end will not come."""
-        if self._begun or self._overlong:
+        if self._begun:
             self.refused["line cut off"] += 1
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
         self._begun.clear()
-        self._overlong = False
+        self._overlong = self._remark = False
 
     def _add(self, piece: bytes) -> None:
-        self._begun += piece[: LONGEST_LINE + 1 - len(self._begun)]
+        self._begun += piece
+        if not self._overlong:
+            first = self._begun.lstrip()[:2]
+            self._remark = first.startswith(b"#") and first != b"#$"  # that is a spoilt end, and the next line's begin
         self._overlong |= len(self._begun) > LONGEST_LINE
+        del self._begun[:-LONGEST_LINE]
 
     def _sample(self) -> Sample | None:
         """What the line that has just ended says; None when it is empty or refused."""
-        line, overlong = bytes(self._begun), self._overlong
-        self._begun.clear()
-        self._overlong = False
-        if overlong:
-            self.refused["line too long"] += 1
+        text, overlong, remark = bytes(self._begun).strip(), self._overlong, self._remark
+        self._begin_anew()
+        if remark or not text:
             return None
-        line = line.strip()
-        if not line or line.startswith(b"#"):  # a remark of the device's
-            return None
-        match = LINE.fullmatch(line)
+        before, begin, said = text.rpartition(BEGIN)
+        match = LINE.fullmatch(begin + said)
+        if before or overlong or match is None:
+            self.refused["line too long" if overlong else "not a line of the protocol"] += 1
         if match is None:
-            self.refused["not a line of the protocol"] += 1
             return None
-        if crc16(line[1:-5]) != int(match[4], 16):
+        if crc16(match[0][1:-5]) != int(match[4], 16):
             self.refused["checksum differs"] += 1
             return None
         device_us, left, right = int(match[1]), int(match[2]), int(match[3])
-        if device_us >= DEVICE_TIME_SPAN_US:
+        if device_us >= SPAN_US:
             self.refused["device time beyond 32 bits"] += 1
             return None
-        return Sample(device_us, left, right)
+        return Sample(device_us, left, right, wire_bytes=len(match[0]) + 1)
 
 
 def line_from_sample(sample: Sample) -> bytes:
@@ -88,9 +85,4 @@ def line_from_sample(sample: Sample) -> bytes:
 
 def crc16(data: bytes) -> int:
     """CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF): finds every error burst of up to 16 bits."""
-    crc = 0xFFFF
-    for byte in data:
-        crc ^= byte << 8
-        for _ in range(8):
-            crc = ((crc << 1) ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
-    return crc
+    return crc_hqx(data, 0xFFFF)
