@@ -16,7 +16,7 @@ from omnivert.drivers.device import Lost, Opened
 QUIET_S = 0.1  # how long one read waits; so fast a stop is heard
 WRITE_S = 1.0  # a port that takes nothing for so long is gone
 LARGEST = 4096  # bytes in one piece
-TROUBLES = (serial.SerialException, OSError, termios.error, ValueError)
+TROUBLES = (serial.SerialException, OSError, termios.error, ValueError, NotImplementedError)
 
 
 class Asker(Protocol):
@@ -65,7 +65,8 @@ def pieces(config: Encoder, stop: Event, asker: Asker) -> Iterator[bytes | Opene
 def _opened(config: Encoder) -> serial.SerialBase:
     # Exclusive: two readers would each get half of the lines.
     quiet_s = min(QUIET_S, 1.0 / config.poll_rate_hz)
-    port = serial.serial_for_url(config.port, config.baud, timeout=quiet_s, write_timeout=WRITE_S, exclusive=True)
+    write_s = None if "://" in config.port else WRITE_S  # not every URL's port knows it
+    port = serial.serial_for_url(config.port, config.baud, timeout=quiet_s, write_timeout=write_s, exclusive=True)
     with suppress(*TROUBLES, AttributeError):
         port.set_low_latency_mode(True)  # a USB adapter may keep what it has for 16 ms
     try:
