@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
 from omnivert.angles import wrap
@@ -13,7 +12,7 @@ from omnivert.vision.descriptor import Float32
 from omnivert.vision.doubt import doubted
 from omnivert.vision.edges import PLAIN, Array, Band, EdgeFinder, Edges, everywhere, tone_of_light
 from omnivert.vision.faults import FaultFinder
-from omnivert.vision.image import Grey, grey_from_frame
+from omnivert.vision.image import WORK_RADIUS_PX, Grey, grey_from_frame, shrunk
 from omnivert.vision.lines import Lines, lines_from_edges, no_lines
 from omnivert.vision.meeting import MeetingFinder
 from omnivert.vision.panorama import line_rows
@@ -21,7 +20,6 @@ from omnivert.vision.ring import RingFinder, RingFound
 from omnivert.vision.tracker import Tracked, Tracker
 
 _OTHER_SIZE = 0.02  # by so much a rim may differ from the configured one
-_WORK_RADIUS_PX = 288.0  # of a larger rim; at 256 px the two sides of thin bars run together, at 320 blur costs lines
 
 
 @dataclass(slots=True)
@@ -54,7 +52,7 @@ class FrontEnd:
         self._paper = config.vision.mode == "paper"
         # Paper: works on the picture as it is. Here: on one whose rim has a radius of 288 pixels at most, because
         # a lens spreads its edges over more pixels of a finer sensor, and time would grow with them.
-        self._scale = 1.0 if self._paper else min(_WORK_RADIUS_PX / config.ring.r_max_px, 1.0)
+        self._scale = 1.0 if self._paper else min(WORK_RADIUS_PX / config.ring.r_max_px, 1.0)
         self._size = round(self._camera.width_px * self._scale), round(self._camera.height_px * self._scale)
         self._edges = EdgeFinder(config.vision.edge_min_magnitude)
         self._finder = RingFinder(_scaled(config.ring, self._scale), config.vision)
@@ -137,9 +135,7 @@ class FrontEnd:
         except ValueError as error:
             work.reasons.append(str(error))
             return
-        if self._scale < 1.0:
-            grey = np.asarray(cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        work.grey = grey
+        work.grey = shrunk(grey, self._scale)
 
     def _find_edges(self, work: Work) -> None:
         if work.grey is not None:
