@@ -59,6 +59,7 @@ ONE_ROOM = {
     "sqlite3": "omnivert/store.py",
     "numba": "omnivert/compiled.py",
     "serial": "omnivert/drivers/serial_line.py",
+    "tomlkit": "omnivert/cli/config_edit.py",
 }
 
 

@@ -23,6 +23,7 @@ from omnivert.cli import (
     rec,
     record,
     say,
+    setup,
     show_config,
     track,
     up,
@@ -43,6 +44,7 @@ app.command("record")(record.record)
 app.command("play")(play.play)
 app.add_typer(rec.app, name="rec")
 app.add_typer(import_.app, name="import")
+app.add_typer(setup.app, name="setup")
 app.command("calibrate")(calibrate.calibrate)
 app.command("track")(track.track)
 app.add_typer(extrinsics.app, name="extrinsics")

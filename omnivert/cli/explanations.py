@@ -77,6 +77,17 @@ EXPLANATIONS = {
         "omnivert track REC --draw DIR shows what is seen, and dashed the ring that was told. A recording carries its "
         "own [ring]: correct it in meta.json, or in the configuration that it is recorded with, and make it again.",
     ),
+    "OV120": Explanation(
+        "no_ring",
+        "A mirror shows as a disc whose border parts bright from dark nearly all around, at least two fifths of the "
+        "picture's shorter side across and at least half of it in the picture. Nothing like it is in these pictures.",
+        "Light the room, aim the camera at the mirror, focus on its rim, and try again: omnivert setup ring PICTURES.",
+    ),
+    "OV121": Explanation(
+        "no_pictures",
+        "The pictures given cannot be measured together: none can be read, or they are not all of one size.",
+        "Give JPEG or PNG files, a folder of them, or a recording, of one camera in one of its modes.",
+    ),
     # 2: use and configuration
     "OV201": Explanation(
         "config_unreadable",
@@ -291,6 +302,13 @@ EXPLANATIONS = {
         "service_refused",
         "A service ended at once when it was started, and starting it again would not help.",
         "The message holds what it said.",
+    ),
+    # 5: devices
+    "OV501": Explanation(
+        "camera_silent",
+        "The camera that the configuration names does not open, or gives no picture: not there, not permitted, or in "
+        "use by another program, such as the bridge of a running omnivert up.",
+        "Check camera.source, stop what holds the camera, or give pictures that were taken before.",
     ),
     # 6: the store
     "OV601": Explanation(

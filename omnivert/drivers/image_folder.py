@@ -8,7 +8,7 @@ from threading import Event
 
 from omnivert.config import Camera
 from omnivert.drivers.device import Finished, Lost, Opened, Refused
-from omnivert.drivers.image_file import frame_from_file
+from omnivert.drivers.image_file import frame_from_path
 from omnivert.messages import Frame
 
 SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".pnm", ".webp", ".jp2"))
@@ -69,7 +69,7 @@ def _played(config: Camera, stop: Event, now_ns: Callable[[], int]) -> Generator
         if stop.wait(max(0.0, (stamp_ns - now_ns()) * 1e-9)):
             return False
         try:
-            yield frame_from_file(path.read_bytes(), stamp_ns)
+            yield frame_from_path(path, stamp_ns)
         except (OSError, ValueError) as error:
             if known.isdisjoint(_listed(config)):
                 return False

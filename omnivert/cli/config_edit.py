@@ -1,0 +1,64 @@
+"""Settings changed in a person's own configuration file: their comments, order and other settings stay."""
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from omnivert.config import parsed
+from omnivert.errors import DataError, UseError
+
+Changes = Mapping[str, Mapping[str, Any]]  # table -> key -> value
+
+
+def check_editable(path: Path) -> None:
+    """raises UseError when it is a configuration of a kind that cannot be changed in place"""
+    if path.suffix == ".json":
+        raise UseError(
+            "OV208", f"{path} is not changed", "only a TOML file is", f"omnivert config -c {path} > robot.toml"
+        )
+
+
+def edited(text: str, changes: Changes, where: str) -> str:
+    """The text of a TOML file with these settings in it, held to their form as when it is loaded.
+
+    raises  UseError when the changed settings do not go together with the others
+    """
+    try:
+        document = tomlkit.parse(text)
+        for table, values in changes.items():
+            if table not in document:
+                document[table] = tomlkit.table()
+            settings: Any = document[table]
+            for key, value in values.items():
+                settings[key] = value
+    except (TOMLKitError, TypeError) as error:
+        raise UseError("OV202", f"{where} cannot be changed", str(error)) from error
+    parsed(document.unwrap(), where)
+    return tomlkit.dumps(document)
+
+
+def edit(path: Path, changes: Changes) -> None:
+    """Change these settings in the file, all at once or not at all.
+
+    raises  UseError when they do not go together with its others; DataError when it cannot be written
+    """
+    target = Path(os.path.realpath(path))
+    beside = target.with_name(f".{target.name}.{os.getpid()}.new")
+    try:
+        held = target.read_bytes()
+        text = edited(held.decode("utf-8-sig"), changes, str(path))
+        mark = b"\xef\xbb\xbf" if held.startswith(b"\xef\xbb\xbf") else b""
+        beside.write_bytes(mark + text.encode())
+        shutil.copymode(target, beside)
+        beside.replace(target)
+    except OSError as error:
+        raise DataError(
+            "OV322", f"cannot write {path}", error.strerror or str(error), "choose another place"
+        ) from error
+    finally:
+        beside.unlink(missing_ok=True)
