@@ -10,7 +10,7 @@ from collections.abc import Callable
 import cv2
 
 from omnivert.config import Config
-from omnivert.drivers.camera import camera_events, can_wait
+from omnivert.drivers.camera import Described, camera_events, can_wait, stored_facts
 from omnivert.drivers.device import Finished, Lost, Opened, Refused
 from omnivert.drivers.encoder import EncoderLine
 from omnivert.drivers.newest import Newest
@@ -104,8 +104,12 @@ def read_camera(
                 frames.put(event, patient=patient)
             case Opened():
                 silence.device(None)
+                bus.note(f"camera: {stored_facts(config.camera)}" if patient else None, "camera facts")
+            case Described(facts):
+                bus.note(f"camera: {facts}", "camera facts")
             case Lost(reason):
                 silence.device(reason)
+                bus.note(None, "camera facts")
             case Refused(reason):
                 bus.refuse(f"camera: {reason}")
             case Finished():

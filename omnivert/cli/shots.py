@@ -1,12 +1,9 @@
 """Pictures from wherever a person has them: image files, folders, recordings, or the camera itself."""
 
-import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import TypeVar
 
 import cv2
@@ -14,7 +11,7 @@ import cv2
 from omnivert.cli import say
 from omnivert.cli.settings import PACKAGED, opened, title
 from omnivert.config import Camera, Config
-from omnivert.drivers.camera import CameraEvent, camera_events
+from omnivert.drivers.camera_look import patient_events
 from omnivert.drivers.device import Finished, Lost, Refused
 from omnivert.drivers.image_file import frame_from_path
 from omnivert.drivers.image_folder import image_files
@@ -118,7 +115,7 @@ def _shoot(taken: Shots, camera: Camera) -> None:
     lost = "it gives nothing"
     last_ns = -(2**62)
     with say.progress("looking", LIVE_SHOTS) as bar:
-        for event in _events(camera):
+        for event in patient_events(camera, LIVE_PATIENCE_S):
             match event:
                 case Frame() if event.stamp_ns - last_ns >= LIVE_EVERY_S * 1e9:
                     last_ns = event.stamp_ns
@@ -133,29 +130,6 @@ def _shoot(taken: Shots, camera: Camera) -> None:
     if not taken.pictures:
         help = "stop omnivert up if it runs: a camera is open to one program; or give pictures: omnivert setup ring DIR"
         raise DataError("OV501", f"the camera {camera.source} gives no picture", lost, help)
-
-
-def _events(camera: Camera) -> Iterator[CameraEvent]:
-    """What the camera tells, until it has told nothing of use for too long: a driver may wait for ever."""
-    told: SimpleQueue[CameraEvent] = SimpleQueue()
-    stop = threading.Event()
-
-    def listen() -> None:
-        for event in camera_events(camera, stop):
-            told.put(event)
-
-    threading.Thread(target=listen, name="camera", daemon=True).start()
-    patient_until_s = time.monotonic() + LIVE_PATIENCE_S
-    try:
-        while True:
-            event = told.get(timeout=max(patient_until_s - time.monotonic(), 0.0))
-            if isinstance(event, Frame):
-                patient_until_s = time.monotonic() + LIVE_PATIENCE_S
-            yield event
-    except Empty:
-        return
-    finally:
-        stop.set()
 
 
 def _itself(frame: Frame) -> Frame:

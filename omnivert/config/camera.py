@@ -12,11 +12,13 @@ class Camera(Section):
 
     id: Id = "front"
     source: str = "0"
-    """Number of a camera, a device, a video file, a stream's URL, or a folder of images."""
+    """Number of a camera, a device, a video file, a stream's URL (rtsp://, http://), or a folder of images."""
     width_px: int = Field(640, ge=32, le=16384)
     height_px: int = Field(480, ge=32, le=16384)
     frame_rate_hz: float = Field(15.0, gt=0.0, le=1000.0)
     """Rate to ask of a camera, and to play a folder of images at."""
+    colour: bool = False
+    """Publish and record the colours of a camera or video; vision works on grey, a third of the bytes."""
     bearing_sign: Sign = 1
     """+1: the image angle atan2(-(v - cv), u - cu) grows with the bearing; -1: it falls (mirror image)."""
     stamp_delay_s: float = Field(0.0, ge=0.0, le=1.0)

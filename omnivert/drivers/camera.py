@@ -1,36 +1,41 @@
-"""Any source of `cv2.VideoCapture`, or a folder of images -> frames."""
+"""Any source of `cv2.VideoCapture`, or a folder of images -> frames, and what happens to it."""
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
-from typing import Any, Protocol
 
 import cv2
 import numpy as np
 
 from omnivert.config import Camera
+from omnivert.drivers.camera_facts import CameraFacts, Capture, Stamp, facts_of
 from omnivert.drivers.device import Finished, Lost, Opened, Refused
 from omnivert.drivers.image_file import frame_from_pixels
 from omnivert.drivers.image_folder import folder_frames
+from omnivert.drivers.stream_clock import StreamClock
 from omnivert.messages import Frame
 
+NETWORK_MS = 5000  # without an answer for so long, a sender is gone
 FRESH_NS = 10**9  # a driver's stamp that is older than this is of another clock
-CameraEvent = Frame | Opened | Lost | Refused | Finished
 
 
-class Capture(Protocol):
-    """What is used of `cv2.VideoCapture`."""
+@dataclass(frozen=True, slots=True)
+class Described:
+    """What a live source tells of itself; again when it changes."""
 
-    def isOpened(self) -> bool: ...  # noqa: N802
-    def grab(self) -> bool: ...
-    def retrieve(self) -> tuple[bool, Any]: ...
-    def get(self, propId: int) -> float: ...
-    def set(self, propId: int, value: float) -> bool: ...
-    def release(self) -> None: ...
+    facts: CameraFacts
+
+
+CameraEvent = Frame | Opened | Described | Lost | Refused | Finished
 
 
 def opencv_capture(source: int | str) -> Capture:
+    if isinstance(source, str) and "://" in source:
+        # Without a limit a sender that has vanished is waited for half a minute.
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, NETWORK_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, NETWORK_MS]
+        return cv2.VideoCapture(source, cv2.CAP_FFMPEG, limits)
     return cv2.VideoCapture(source)
 
 
@@ -38,6 +43,12 @@ def can_wait(config: Camera) -> bool:
     """Whether the source is the name of a folder or a file, which loses nothing when it is read later."""
     live = config.source.isdecimal() or config.source.startswith("/dev/") or "://" in config.source
     return not live and "!" not in config.source  # a pipeline of GStreamer's
+
+
+def stored_facts(config: Camera) -> str:
+    """Who stamps the frames of a folder or a file, in the words of `CameraFacts`."""
+    own = Path(config.source).is_dir()
+    return "stamped by " + (f"a rhythm of {config.frame_rate_hz:.4g} Hz" if own else "the video's own time")
 
 
 def camera_events(
@@ -90,16 +101,45 @@ def _live(
                 _ask(opened, config)
             reason = ""
             yield Opened()
-            while not stop.is_set() and opened.grab():
-                grabbed_ns = now_ns()
-                stamp_ns = _driver_stamp_ns(opened, grabbed_ns) if is_device else grabbed_ns
-                yield _frame(opened, max(0, stamp_ns - round(config.stamp_delay_s * 1e9)))
+            yield from _grabbed(opened, config, stop, now_ns, None if is_device else StreamClock(config.source))
         finally:
             opened.release()
         if not stop.is_set():
             reason = "gives no more frames"
             yield Lost(reason)
             stop.wait(config.reopen_s)
+
+
+def _grabbed(
+    opened: Capture, config: Camera, stop: Event, now_ns: Callable[[], int], clock: StreamClock | None
+) -> Iterator[Frame | Refused | Described]:
+    """Frames until the source gives no more; with the first one, what it tells of itself.
+
+    clock  of the network's stream; None: a device of this machine
+    """
+    facts: CameraFacts | None = None
+    last_ns = -1
+    while not stop.is_set() and opened.grab():
+        stamp_ns, stamp = _stamped(opened, now_ns(), clock)
+        if facts is None or facts.stamp is not stamp:
+            facts = facts_of(opened, config, stamp) if facts is None else facts.stamped(stamp)
+            yield Described(facts)
+        if stamp_ns <= last_ns:  # where the better stamp was found to lie earlier than the frame's arrival
+            yield Refused("frame stamped before the one before it")
+            continue
+        last_ns = stamp_ns
+        yield _frame(opened, max(0, stamp_ns - round(config.stamp_delay_s * 1e9)), config.colour)
+
+
+def _stamped(opened: Capture, grabbed_ns: int, clock: StreamClock | None) -> tuple[int, Stamp]:
+    """The best stamp that the source offers for the frame just grabbed, and whose it is."""
+    place_ms = opened.get(cv2.CAP_PROP_POS_MSEC)
+    if clock is not None:
+        sent_ns = clock.step(place_ms, grabbed_ns)
+        return sent_ns, clock.stamp
+    kernel_ns = round(place_ms * 1e6)  # Video4Linux: of the monotonic clock
+    fresh = grabbed_ns - FRESH_NS < kernel_ns <= grabbed_ns
+    return (kernel_ns, Stamp.KERNEL) if fresh else (grabbed_ns, Stamp.ARRIVAL)
 
 
 def _video_file(
@@ -123,7 +163,7 @@ def _video_file(
             stamp_ns = start_ns + round(place_ms * 1e6)
             if stop.wait(max(0.0, (stamp_ns - now_ns()) * 1e-9)):
                 return
-            yield _frame(opened, stamp_ns)
+            yield _frame(opened, stamp_ns, config.colour)
         yield Finished()
     finally:
         opened.release()
@@ -148,15 +188,11 @@ def _ask(opened: Capture, config: Camera) -> None:
     opened.set(cv2.CAP_PROP_BUFFERSIZE, 1)
 
 
-def _driver_stamp_ns(opened: Capture, grabbed_ns: int) -> int:
-    """The kernel's stamp of the frame where it is of the monotonic clock (Video4Linux), else when it was grabbed."""
-    kernel_ns = round(opened.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
-    return kernel_ns if grabbed_ns - FRESH_NS < kernel_ns <= grabbed_ns else grabbed_ns
-
-
-def _frame(opened: Capture, stamp_ns: int) -> Frame | Refused:
+def _frame(opened: Capture, stamp_ns: int, colour: bool) -> Frame | Refused:
     try:
         there, pixels = opened.retrieve()
-        return frame_from_pixels(np.asarray(pixels), stamp_ns) if there else Refused("frame cannot be decoded")
+        if not there:
+            return Refused("frame cannot be decoded")
+        return frame_from_pixels(np.asarray(pixels), stamp_ns, colour=colour)
     except (cv2.error, ValueError) as error:
         return Refused(f"frame cannot be used: {error}")

@@ -66,10 +66,11 @@ def pixels_from_file(data: bytes, stamp_ns: int) -> Frame:
     return frame_from_pixels(np.asarray(pixels), stamp_ns)
 
 
-def frame_from_pixels(pixels: NDArray[Any], stamp_ns: int) -> Frame:
+def frame_from_pixels(pixels: NDArray[Any], stamp_ns: int, *, colour: bool = True) -> Frame:
     """Pixels as OpenCV gives them, as a frame.
 
     pixels  (H, W) or (H, W, 1 | 3 | 4), 8 or 16 bits; colours blue green red, a fourth plane is left out
+    colour  keep it; else grey, as vision would make it
     raises  ValueError on any other form
     """
     if pixels.dtype == np.uint16:
@@ -84,6 +85,8 @@ def frame_from_pixels(pixels: NDArray[Any], stamp_ns: int) -> Frame:
         raise ValueError(f"an image of shape {pixels.shape} is neither grey nor colour")
     height, width = pixels.shape[:2]
     _hold_to_limit(width, height)
+    if pixels.ndim == 3 and not colour:
+        pixels = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY))
     form = PixelFormat.GREY8 if pixels.ndim == 2 else PixelFormat.BGR8
     return Frame(stamp_ns, form, width, height, np.ascontiguousarray(pixels, np.uint8).reshape(-1))
 

@@ -144,7 +144,7 @@ class Services:
         rate = _rate(beats, name)
         mine = [note for note in newest.notes if note.startswith(f"{name}:")] if source == "bridge" else []
         refused = {reason: times for reason, times in newest.refused.items() if name in reason}
-        finished = source == "player" or any(map(notes.is_harmless, mine))
+        finished = source == "player" or any(map(notes.is_of_the_end, mine))
         idle = rate is None and _span_s(beats) >= SHORTEST_S and not finished
         troubled = idle or bool(refused and source == "bridge") or not all(map(notes.is_harmless, mine))
         text = _in_one(mine, refused if source == "bridge" else {})

@@ -2,9 +2,10 @@
 
 import re
 
+_END = "camera: source finished"
 _HARMLESS = (
     *("begins from nothing", "goes on from the stored extrinsics"),
-    *("camera: source finished", "clock of the encoder"),
+    *(_END, "camera: stamped by", "clock of the encoder"),
 )
 _BEGINNING = _HARMLESS[:2]  # of interest until the first estimate has come
 _SIZE = re.compile(r"camera: frames have (\d+) x (\d+) pixels, the configuration says (\d+) x (\d+)")
@@ -13,6 +14,11 @@ _DEVICE = re.compile(r"(camera|encoder): (?=\S)")
 
 def is_harmless(note: str) -> bool:
     return note.startswith(_HARMLESS)
+
+
+def is_of_the_end(note: str) -> bool:
+    """Whether it says that no more frames will come."""
+    return note.startswith(_END)
 
 
 def is_of_the_beginning(note: str) -> bool:

@@ -18,7 +18,8 @@ from omnivert.cli import shots
 from omnivert.cli.config_edit import edit, edited
 from omnivert.config import Config, load, parsed
 from omnivert.errors import UseError
-from tests.cli.conftest import Omnivert
+
+from .conftest import Omnivert
 
 PICTURE = np.zeros((480, 640), dtype=np.uint8)
 

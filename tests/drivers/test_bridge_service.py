@@ -207,7 +207,7 @@ def test_a_camera_that_is_away_is_not_said_to_be_open(config: Config, monkeypatc
     monkeypatch.setattr(bridge, "camera_events", lambda *_: [Lost("is not there")])
     bridge.read_camera(bus, config, threading.Event(), Newest(), threading.Event(), silence)
     silence.step(heard=False)
-    assert notes == {"camera": "camera: images is not there", "camera silence": None}
+    assert notes == {"camera": "camera: images is not there", "camera silence": None, "camera facts": None}
     silence.device(None)
     silence.step(heard=False)
     assert notes["camera"] is None
@@ -222,6 +222,15 @@ def test_images_of_another_size_are_published_as_they_are_and_noted(bridged: Bri
     assert isinstance(frame, Frame)
     assert (frame.width_px, frame.height_px) == (64, 40)
     heard(stream, note("frames have 64 x 40 pixels, the configuration says 64 x 48"))
+
+
+def test_health_tells_who_stamps_the_frames(bridged: Bridged, config: Config) -> None:
+    stream = bridged.other.listen(FRAME, HEALTH, period_s=0.02)
+    show_images(config, 400)
+    bridged.begin()
+    heard(stream, note("camera: stamped by a rhythm of 20 Hz"))
+    shutil.rmtree(config.camera.source)
+    heard(stream, no_note("stamped by"))
 
 
 def test_a_folder_that_has_ended_leaves_the_bridge_alive(bridged: Bridged, config: Config, encoder: Encoder) -> None:

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 from omnivert.config import Camera
-from omnivert.drivers.camera import CameraEvent, camera_events
+from omnivert.drivers.camera import CameraEvent, Described, camera_events
 from omnivert.drivers.device import Finished, Lost, Opened, Refused
 from omnivert.drivers.image_file import frame_from_file, frame_from_pixels
 from omnivert.drivers.newest import Newest
 from omnivert.messages import Frame, PixelFormat
+from omnivert.vision.image import grey_from_frame
 
 RNG = np.random.default_rng(5)
 PICTURE = RNG.integers(0, 256, (48, 64, 3), np.uint8)
@@ -251,7 +252,7 @@ def test_a_camera_that_vanishes_is_named_and_opened_again() -> None:
     config = Camera(source="0", reopen_s=0.01, width_px=64, height_px=48)
     stop = Event()
     events = camera_events(config, stop, Clock(), lambda _: next(captures))
-    seen = list(islice(events, 9))
+    seen: list[CameraEvent] = list(islice((event for event in events if not isinstance(event, Described)), 9))
     assert [type(event) for event in seen] == [Lost, Opened, Frame, Refused, Frame, Lost, Lost, Opened, Frame]
     assert seen[0] == seen[6] == Lost("does not open")
     assert seen[5] == Lost("gives no more frames")
@@ -267,7 +268,7 @@ def test_the_kernels_stamp_is_taken_when_it_is_of_this_clock() -> None:
     def stamp(source: str, position_ms: float, delay_s: float = 0.0) -> int:
         config = Camera(source=source, stamp_delay_s=delay_s)
         events = camera_events(config, Event(), Clock(), lambda _: FakeCapture([PICTURE], position_ms))
-        return frames(list(islice(events, 2)))[0].stamp_ns
+        return frames(list(islice(events, 3)))[0].stamp_ns
 
     grabbed_ns = 50_001_000_000
     assert stamp("0", 49_990.0) == 49_990_000_000
@@ -306,6 +307,18 @@ def test_a_missing_camera_of_the_machine_is_named_not_raised() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
     assert "does not open" in done.stdout
+
+
+def test_a_video_is_grey_unless_its_colours_are_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "drive.avi"
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 500.0, (64, 48))
+    video.write(PICTURE)
+    video.release()
+    (grey,) = frames(list(camera_events(Camera(source=str(path)), Event())))
+    (colour,) = frames(list(camera_events(Camera(source=str(path), colour=True), Event())))
+    assert (grey.format, colour.format) == (PixelFormat.GREY8, PixelFormat.BGR8)
+    assert np.array_equal(grey_from_frame(grey), grey_from_frame(colour))  # what vision sees is the same
+    assert colour.data.size == 3 * grey.data.size
 
 
 # ---------------------------------------------------------------- the newest only

@@ -209,6 +209,18 @@ def test_a_device_in_trouble_is_marked_and_comes_next(
     assert next_step in view.line(1.1)
 
 
+def test_who_stamps_the_frames_is_told_as_no_trouble_and_hides_none(view: View) -> None:
+    facts = "camera: stamped by the kernel; 15 Hz; exposure 8 ms fixed"
+    view.present(ALL)
+    for second in (1.0, 2.0):
+        view.step(bridge(second, (facts,)), second)
+    assert "✓ camera" in row(view, "camera", 2.0)
+    assert "stamped by the kernel" in row(view, "camera", 2.0)
+    for second in range(3, 14):
+        view.step(bridge(float(second), (facts,), frames=0), float(second))
+    assert "! camera" in row(view, "camera", 13.0)  # it gives none
+
+
 @pytest.mark.parametrize("note", ["begins from nothing: a playback", "goes on from the stored extrinsics"])
 def test_how_a_calibration_begins_is_no_trouble_and_told_until_it_has_begun(
     view: View, estimate_of: Estimates, note: str
