@@ -1,5 +1,6 @@
 """A robot on a commanded path: the encoders tell the command, the world gets it with wheel noise (eq. 31)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,8 @@ from omnivert.odometry import after, arc
 
 Array = NDArray[np.float64]
 Path = Literal["paper", "alternate", "straight", "turn", "arc", "still"]
+
+Leg = tuple[float, float, float]  # way along it (m), turn (rad), rest after it (s)
 
 SPEED = 0.15  # m/s
 TURN_RATE = np.deg2rad(9.0)  # rad/s
@@ -49,31 +52,45 @@ def drive(
     """
     match path:
         case "paper":
-            legs = [(3.3, 0.0), (0.0, np.pi)]
+            legs: list[Leg] = [(3.3, 0.0, 0.0), (0.0, np.pi, 0.0)]
         case "alternate":
-            legs = [(0.75, 0.0), (0.0, np.pi / 2)] * 3
+            legs = [(0.75, 0.0, 0.0), (0.0, np.pi / 2, 0.0)] * 3
         case "straight":
-            legs = [(6.0, 0.0)]
+            legs = [(6.0, 0.0, 0.0)]
         case "turn":
-            legs = [(0.0, 2.0 * np.pi)]
+            legs = [(0.0, 2.0 * np.pi, 0.0)]
         case "arc":
-            legs = [(40.0 * SPEED, 40.0 * SPEED / radius)]
+            legs = [(40.0 * SPEED, 40.0 * SPEED / radius, 0.0)]
         case "still":
-            legs = []
-    steps = [np.zeros((1, 2))]
-    for way, turn in legs * repeat:
-        duration = max(abs(way) / SPEED, 0.0 if way else abs(turn) / TURN_RATE) + RAMP_S
-        time = np.arange(0.0, duration + sample_s, sample_s)
-        share = np.diff(np.clip(_ramped(time, duration), 0.0, 1.0))
-        steps.append(share[:, None] * np.array([way + 0.5 * base * turn, way - 0.5 * base * turn]))
-    if not legs:
-        steps.append(np.zeros((round(40.0 / sample_s), 2)))
-    told = np.concatenate(steps)
+            legs = [(0.0, 0.0, 40.0)]
+    told = np.concatenate([np.zeros((1, 2)), told_steps(legs * (repeat if path != "still" else 1), base, sample_s)])
     real = told * wheel_factors(wheel_ratio) + np.sqrt(noise_k * np.abs(told)) * rng.standard_normal(told.shape)
     pose = np.zeros((told.shape[0], 3))
     for i, step in enumerate(arc(real[1:, 0], real[1:, 1], base * base_factor)):
         pose[i + 1] = after(pose[i], step)
     return Robot(sample_s * np.arange(told.shape[0], dtype=np.float64), np.cumsum(told, axis=0), pose)
+
+
+def told_steps(
+    legs: Sequence[Leg], base: float, sample_s: float, speed: float = SPEED, turn_rate: float = TURN_RATE
+) -> Array:
+    """What the encoders tell in each sample of a commanded path: each leg begins and ends at rest.
+
+    base      m
+    sample_s  s      between samples
+    speed     m/s    of the origin
+    turn_rate rad/s  on the spot
+    returns   (S, 2) m, right and left wheel
+    """
+    steps = [np.zeros((0, 2))]
+    for way, turn, rest in legs:
+        if way or turn:
+            duration = max(abs(way) / speed, 0.0 if way else abs(turn) / turn_rate) + RAMP_S
+            time = np.arange(0.0, duration + sample_s, sample_s)
+            share = np.diff(np.clip(_ramped(time, duration), 0.0, 1.0))
+            steps.append(share[:, None] * np.array([way + 0.5 * base * turn, way - 0.5 * base * turn]))
+        steps.append(np.zeros((round(rest / sample_s), 2)))
+    return np.concatenate(steps)
 
 
 def wheel_factors(ratio: float) -> Array:
