@@ -25,6 +25,7 @@ from omnivert.cli import (
     say,
     setup,
     show_config,
+    simulate,
     track,
     up,
 )
@@ -49,6 +50,7 @@ app.command("calibrate")(calibrate.calibrate)
 app.command("track")(track.track)
 app.add_typer(extrinsics.app, name="extrinsics")
 app.add_typer(bench.app, name="bench")
+app.command("simulate")(simulate.simulate)
 app.command("montecarlo")(montecarlo.montecarlo)
 app.command("config")(show_config.config)
 app.command("explain")(explain.explain)

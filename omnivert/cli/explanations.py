@@ -150,6 +150,18 @@ EXPLANATIONS = {
         "meant, and what one robot sees says nothing of another.",
         "omnivert monitor --robot ID, with one of the names in the message.",
     ),
+    "OV212": Explanation(
+        "world_or_path",
+        "A simulated drive needs a world and a path: names of those that come with omnivert, or TOML files of your own. "
+        "A value in the file is wrong, a key is not known, or there is no such file.",
+        "omnivert simulate --show prints the files of world and path; copy one, change it, name it my.toml.",
+    ),
+    "OV213": Explanation(
+        "in_the_way",
+        "The simulated robot would drive into a wall or a thing that stands in the room: no wall comes nearer to its "
+        "origin than 0.28 m.",
+        "Begin the path elsewhere: start = [x, y, degrees] in the world's file, or in the path's, which goes first.",
+    ),
     "OV220": Explanation(
         "no_peers",
         "The vision is compared with EDLines, LSD, ORB and SIFT. They come with opencv-contrib-python-headless, which "
