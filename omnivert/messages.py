@@ -78,6 +78,15 @@ class Ticks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """What somebody wants the wheels to do; holds for half a second, then the robot stops."""
+
+    stamp_ns: StampNs  # the sender's monotonic clock
+    forward_m_s: Annotated[float, Within(-5.0, 5.0)]  # of the origin
+    turn_rad_s: Annotated[float, Within(-10.0, 10.0)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scan:
     """One sweep of a planar laser; carried and recorded, not used by the calibration."""
 
@@ -246,4 +255,4 @@ class Health:
     notes: Annotated[tuple[Text, ...], Within(0, 16)] = ()  # what a person should know now
 
 
-Message = Frame | Ticks | Scan | Bearings | Estimate | Extrinsics | Receipt | Playback | Health
+Message = Frame | Ticks | Drive | Scan | Bearings | Estimate | Extrinsics | Receipt | Playback | Health

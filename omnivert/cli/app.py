@@ -14,6 +14,7 @@ from omnivert.cli import (
     bench,
     calibrate,
     demo,
+    drive,
     explain,
     extrinsics,
     import_,
@@ -41,6 +42,7 @@ app = typer.Typer(
 app.command("demo")(demo.demo)
 app.command("up")(up.up)
 app.command("monitor")(monitor.monitor)
+app.command("drive")(drive.drive)
 app.command("record")(record.record)
 app.command("play")(play.play)
 app.add_typer(rec.app, name="rec")

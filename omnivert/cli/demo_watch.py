@@ -1,6 +1,7 @@
 """What the demo hears on the bus while the recording is played, and the lines that it tells of it."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from omnivert.errors import DataError
-from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Mount, Playback, Receipt, State
+from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Message, Mount, Playback, Receipt, State
 from omnivert.pictures.words import colour, printable, quantities, short, word
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ class Heard:
     claimed: Extrinsics | None = None
     receipt: Receipt | None = None
     played: Playback | None = None
+    last_frame: Frame | None = None
+    over: bool = False  # the robot has ended its drive, where it is none that is played
 
     def step(self, message: Message) -> None:
         match message:
@@ -46,8 +49,16 @@ class Heard:
                 self.receipt = message
             case Playback():
                 self.played = message
+            case Frame():
+                self.last_frame = message
             case _:
                 pass
+
+    def ended(self) -> None:
+        """The robot has: the newest frame was the last one."""
+        self.over = True
+        if self.last_frame is not None:
+            self.end_ns = self.last_frame.stamp_ns
 
     @property
     def complete(self) -> bool:
@@ -55,21 +66,35 @@ class Heard:
         if not self.finished or not self.estimates or self.estimates[-1].stamp_ns < self.end_ns:
             return False
         claim: Message | None = self.claimed
-        if self.estimates[-1].state is State.CALIBRATED:  # the final state is claimed, too, and may be on its way
+        if (
+            self.estimates[-1].state is State.CALIBRATED and not self.over
+        ):  # the final state is claimed, too, and may be on its way
             claim = self.estimates[-1]
         return claim is None or (self.receipt is not None and self.receipt.stamp_ns >= claim.stamp_ns)
 
     @property
     def finished(self) -> bool:
-        return self.played is not None and self.played.finished
+        return self.over or (self.played is not None and self.played.finished)
 
 
-def watched(bus: "Bus", heard: Heard, console: Console, start_ns: int, troubles: "Troubles") -> None:
+def watched(
+    bus: "Bus",
+    heard: Heard,
+    console: Console,
+    start_ns: int,
+    troubles: "Troubles",
+    label: str = "playing",
+    over: Callable[[], bool] | None = None,
+) -> None:
     """Listen until the last estimate has come and its result is stored; tell it on the way.
+
+    over    whether the robot has ended its drive, where it is none that is played
 
     raises  DataError when the services fall silent
     """
-    from omnivert.wire.channels import BEARINGS, ESTIMATE, EXTRINSICS, PLAYBACK, RECEIPT
+    from omnivert.wire.channels import BEARINGS, ESTIMATE, EXTRINSICS, FRAME, PLAYBACK, RECEIPT
+
+    channels = (ESTIMATE, BEARINGS, EXTRINSICS, RECEIPT, PLAYBACK, *(() if over is None else (FRAME,)))
 
     columns = (
         TextColumn("  [cyan]▶ {task.description}[/]"),
@@ -79,13 +104,15 @@ def watched(bus: "Bus", heard: Heard, console: Console, start_ns: int, troubles:
         TextColumn("{task.fields[now]}"),
     )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("playing", total=heard.total_frames, now="")
+        task = bar.add_task(label, total=heard.total_frames, now="")
         rows = Rows(bar.console, heard.total_frames, start_ns)
         last = time.monotonic()
-        for received in bus.listen(ESTIMATE, BEARINGS, EXTRINSICS, RECEIPT, PLAYBACK, period_s=0.2):
+        for received in bus.listen(*channels, period_s=0.2):
             now = time.monotonic()
             troubles.check()
             if received is None:
+                if over is not None and over():
+                    heard.ended()
                 if heard.complete or (heard.finished and now - last > SETTLE_S):
                     break  # nothing has come for a while, so nothing is on its way
                 if now - last > SILENCE_S:
@@ -101,6 +128,25 @@ def watched(bus: "Bus", heard: Heard, console: Console, start_ns: int, troubles:
         rows.close(heard.estimates)
     if bus.stopped:
         raise KeyboardInterrupt
+
+
+def await_frame(bus: "Bus", troubles: "Troubles") -> int:
+    """Stamp of the first frame that a simulated robot sees; the first time on a machine it compiles its loops before.
+
+    raises  DataError when none comes, KeyboardInterrupt when the bus was stopped
+    """
+    from omnivert.cli.troubles import COMPILED_S
+    from omnivert.wire.channels import FRAME
+
+    began = time.monotonic()
+    for received in bus.listen(FRAME, period_s=0.2):
+        troubles.check()
+        if received is not None:
+            return received.message.stamp_ns
+        if time.monotonic() - began > COMPILED_S:
+            because = f"no frame for {COMPILED_S:.0f} s"
+            raise DataError("OV420", "the simulated robot is silent", because, "omnivert demo")
+    raise KeyboardInterrupt
 
 
 def _shown(bar: Progress, task: TaskID, heard: Heard) -> None:

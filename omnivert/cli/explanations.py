@@ -152,8 +152,8 @@ EXPLANATIONS = {
     ),
     "OV212": Explanation(
         "world_or_path",
-        "A simulated drive needs a world and a path: names of those that come with omnivert, or TOML files of your own. "
-        "A value in the file is wrong, a key is not known, or there is no such file.",
+        "A simulated drive needs a world and a path: names of those that come with omnivert, or TOML files of your "
+        "own. A value in the file is wrong, a key is not known, or there is no such file.",
         "omnivert simulate --show prints the files of world and path; copy one, change it, name it my.toml.",
     ),
     "OV213": Explanation(
@@ -161,6 +161,11 @@ EXPLANATIONS = {
         "The simulated robot would drive into a wall or a thing that stands in the room: no wall comes nearer to its "
         "origin than 0.28 m.",
         "Begin the path elsewhere: start = [x, y, degrees] in the world's file, or in the path's, which goes first.",
+    ),
+    "OV214": Explanation(
+        "no_terminal",
+        "Driving by hand takes single keys, which only a terminal gives; a pipe or a service has none.",
+        "Run omnivert drive in a terminal window of its own. Without hands: omnivert up --sim office --path alternate.",
     ),
     "OV220": Explanation(
         "no_peers",

@@ -117,6 +117,17 @@ def staged(config: "Config", world: str, seed: int, people: int | None, tilt_deg
     return Stage(config, with_camera(loaded(world, "worlds", Place), tilt_deg=tilt_deg), seed, people)
 
 
+def check_names(world: str, path: str | None) -> None:
+    """raises UseError when there is no such world or path"""
+    from omnivert.simulation.place import Place
+    from omnivert.simulation.route import Route
+    from omnivert.simulation.toml_file import loaded
+
+    loaded(world, "worlds", Place)
+    if path is not None:
+        loaded(path, "paths", Route)
+
+
 def _show(world: str, path: str) -> None:
     from omnivert.simulation.toml_file import text_of
 

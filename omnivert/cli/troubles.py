@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from omnivert.wire.bus import Bus
 
 START_S = 30.0  # for all services to come up on a busy machine
-_COMPILED_S = 180.0  # for the vision, which has to compile its loops the first time
+COMPILED_S = 180.0  # for the vision, which has to compile its loops the first time
 _LONG_S = 5  # then it is said why
 HOPELESS = ("router",)  # without it nothing can be done, and starting it again will not open its end point
 REFUSAL = re.compile(r"error\[(OV\d+)\]: (.*)")
@@ -82,7 +82,7 @@ def await_services(bus: "Bus", services: set[str], troubles: Troubles) -> None:
     def here() -> bool:
         return services <= {name for name, _ in bus.present()}
 
-    for second in range(int(_COMPILED_S)):
+    for second in range(int(COMPILED_S)):
         if bus.await_presence(here, 1.0) or bus.stopped:
             break
         troubles.check()

@@ -17,6 +17,7 @@ from omnivert.cli.given import count
 from omnivert.cli.kept import Before
 from omnivert.cli.outputs import check_distinct, check_new_recording
 from omnivert.cli.settings import opened, recording_path, rig_of, settings, title
+from omnivert.cli.simulate import check_names
 from omnivert.config import Config
 from omnivert.errors import UseError
 from omnivert.wire.channels import BEARINGS, FRAME
@@ -38,12 +39,19 @@ def up(
         float | None, typer.Option(help="Of --play: 1 is as recorded; 0 is as fast as the results come.", min=0.0)
     ] = None,
     loop: Annotated[bool, typer.Option("--loop", help="Of --play: begin again at the end.")] = False,
+    sim: Annotated[
+        str | None, typer.Option("--sim", metavar="WORLD", help="A simulated robot in place of the bridge.")
+    ] = None,
+    path: Annotated[
+        str | None, typer.Option("--path", help="Of --sim: drive this path; else it waits for omnivert drive.")
+    ] = None,
 ) -> None:
     """Start router, bridge, vision, calibration and storage; restart what dies; ctrl-c stops all."""
     from omnivert.cli.supervisor import Happened, Supervisor
     from omnivert.cli.troubles import Troubles
 
-    _check(config, record, play, speed, loop)
+    _check(config, record, play, sim, speed, loop)
+    _check_simulated(sim, path, play)
     troubles = Troubles(loud=True)
 
     def report(event: "Event") -> None:
@@ -51,12 +59,12 @@ def up(
         if event.service == "player" and event.happened is Happened.ENDED:
             say.story("the playback has ended; omnivert extrinsics show tells what is stored, ctrl-c stops all")
 
-    with _file(config, play) as file:
+    with _file(config, play, sim) as file:
         chosen = settings(file)
         before = Before.of(chosen)
         inputs = {"configuration": config, "recording": None if play is None else recording_path(play)}
         check_distinct(inputs, {"--record": record, "storage.path": chosen.storage.path})
-        _tell(chosen, record, play)
+        _tell(chosen, record, play, sim)
         try:
             with Supervisor(file, report) as supervisor:
                 for service in SERVICES:
@@ -65,6 +73,9 @@ def up(
                         again = ("--loop",) if loop else ()
                         rec = str(recording_path(play))
                         supervisor.start("player", "--recording", rec, "--wait-for", CONSUMERS, *pace, *again)
+                    elif service == "bridge" and sim is not None:
+                        way = () if path is None else ("--path", path)
+                        supervisor.start("simulator", "--world", sim, "--wait-for", CONSUMERS, *way)
                     else:
                         supervisor.start(service)
                 if record is not None:
@@ -79,9 +90,11 @@ def up(
     say.story(f"stopped; {escape(before.told(chosen, troubles.unresolved('storage')))}{saved}")
 
 
-def _check(config: Path | None, record: Path | None, play: str | None, speed: float | None, loop: bool) -> None:
+def _check(
+    config: Path | None, record: Path | None, play: str | None, sim: str | None, speed: float | None, loop: bool
+) -> None:
     """raises UseError when these options do not go together"""
-    if config is None and play is None:
+    if config is None and play is None and sim is None:
         because = "camera, encoder and wheels differ from robot to robot"
         raise UseError("OV209", "omnivert up needs --config", because, "omnivert config > robot.toml")
     if play is None and (speed is not None or loop):
@@ -93,15 +106,27 @@ def _check(config: Path | None, record: Path | None, play: str | None, speed: fl
         check_new_recording(record)
 
 
+def _check_simulated(sim: str | None, path: str | None, play: str | None) -> None:
+    """raises UseError when these options do not go together, or name nothing that there is"""
+    if sim is None:
+        if path is not None:
+            raise UseError("OV205", "omnivert up: --path is of a simulated robot", help="omnivert up --sim office")
+        return
+    if play is not None:
+        what = "omnivert up: --sim and --play exclude each other"
+        raise UseError("OV205", what, "either takes the robot's place", "leave one of them out")
+    check_names(sim, path)
+
+
 @contextmanager
-def _file(config: Path | None, play: str | None) -> Iterator[Path]:
+def _file(config: Path | None, play: str | None, sim: str | None) -> Iterator[Path]:
     """The configuration that the services are started with; without one it is that of the recording's rig.
 
     Bearings of another sensor come with wheels of their own, which no configuration of a robot describes: the rig is
     the recording's then, too, under the names of the configuration.
     """
     source = opened(play) if play is not None else None
-    rig: Config | None = None
+    rig: Config | None = Config() if sim is not None and config is None else None
     if source is not None and config is None:
         rig = source.config(Config())
     elif source is not None and not count(source, FRAME) and count(source, BEARINGS):
@@ -119,7 +144,7 @@ def _file(config: Path | None, play: str | None) -> Iterator[Path]:
         yield config
 
 
-def _tell(config: Config, record: Path | None, play: str | None) -> None:
+def _tell(config: Config, record: Path | None, play: str | None, sim: str | None) -> None:
     from services.router import is_local
 
     robot, camera, encoder = config.robot, config.camera, config.encoder
@@ -129,6 +154,8 @@ def _tell(config: Config, record: Path | None, play: str | None) -> None:
         say.story(f"  listens   {endpoint}   ({who})")
     if play is not None:
         say.story(f"  plays     {title(play)}, in place of the robot")
+    elif sim is not None:
+        say.story(f"  simulates a robot in {title(sim)}; steer it with: omnivert drive")
     else:
         say.story(f"  camera    {camera.id}: {camera.source}, {camera.width_px} x {camera.height_px}")
         say.story(f"  encoder   {encoder.id}: {encoder.port}, {encoder.baud} baud")

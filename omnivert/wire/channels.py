@@ -9,6 +9,7 @@ from enum import StrEnum
 from omnivert.config import Config
 from omnivert.messages import (
     Bearings,
+    Drive,
     Estimate,
     Extrinsics,
     Frame,
@@ -66,6 +67,7 @@ class Channel:
 
 FRAME = Channel("camera", "frame", Frame, delivery=Delivery.LATEST, urgency=Urgency.DATA_LOW)
 TICKS = Channel("encoder", "ticks", Ticks, owner="encoder", urgency=Urgency.INTERACTIVE_HIGH)
+DRIVE = Channel("wheels", "drive", Drive, owner="encoder", urgency=Urgency.INTERACTIVE_HIGH)
 SCAN = Channel("laser", "scan", Scan, urgency=Urgency.DATA_LOW)
 BEARINGS = Channel("vision", "bearings", Bearings, urgency=Urgency.DATA_HIGH)
 ESTIMATE = Channel("calibration", "estimate", Estimate, urgency=Urgency.DATA_HIGH)
@@ -74,7 +76,7 @@ RECEIPT = Channel("storage", "receipt", Receipt)
 PLAYBACK = Channel("player", "playback", Playback)
 HEALTH = Channel("*", "health", Health, owner="")
 
-CHANNELS = (FRAME, TICKS, SCAN, BEARINGS, ESTIMATE, EXTRINSICS, RECEIPT, PLAYBACK, HEALTH)
+CHANNELS = (FRAME, TICKS, DRIVE, SCAN, BEARINGS, ESTIMATE, EXTRINSICS, RECEIPT, PLAYBACK, HEALTH)
 
 
 def health_key(service: str, instance: str) -> str:

@@ -11,13 +11,14 @@ from types import TracebackType
 from typing import Any, BinaryIO, Self, cast
 
 from omnivert.config import Config
-from omnivert.messages import Health, Message, Playback
+from omnivert.messages import Drive, Health, Message, Playback
 from omnivert.wire import mcap_file
 from omnivert.wire.codec import VERSION, encode
 
 LIBRARY = "omnivert"  # what its own recordings say that they are written by
 META = "omnivert"  # name of the metadata record that holds the rig as JSON, and its SHA-256
-HOST_CLOCK = {Health.__name__, Playback.__name__}  # stamps that are not a sensor's: no part of the recording's span
+# Stamps that are not a sensor's: no part of the recording's span.
+HOST_CLOCK = {Drive.__name__, Health.__name__, Playback.__name__}
 _CHUNK_NS = 1_000_000_000
 _CHUNK_BYTES = 4 * 2**20
 _SUMMARY, _OF_A_CHUNK, _OF_A_CHANNEL, _OF_A_MESSAGE = 2000, 150, 1000, 60  # bytes beside their content, at most
