@@ -39,6 +39,7 @@ class Vehicle:
         self._base, self._scale = config.robot.wheel_base_m, config.encoder.metres_per_tick
         self._room, self._noise_k = room, noise_k
         self._rng = np.random.default_rng(seed)
+        self._clear = clearance(room, pose[:2])
         self._told = np.zeros(2)  # right, left
         self._speed = np.zeros(2)  # m/s, of the wheels
 
@@ -52,11 +53,11 @@ class Vehicle:
         real = told + np.sqrt(self._noise_k * np.abs(told)) * self._rng.standard_normal(2)
         pose = after(self.pose, arc(real[:1], real[1:], self._base)[0])
         clear = clearance(self._room, pose[:2])
-        self.blocked = clear < BODY_M and clear < clearance(self._room, self.pose[:2])
+        self.blocked = clear < BODY_M and clear < self._clear
         if self.blocked:
             self._speed[:] = 0.0
             return
-        self.pose = pose
+        self.pose, self._clear = pose, clear
         self._told = self._told + told
 
     def steered(self, forward_m_s: float, turn_rad_s: float, sample_s: float) -> Array:
