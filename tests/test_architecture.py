@@ -20,6 +20,7 @@ HOUSE = (
     ("omnivert.store",),
     ("omnivert.store_rules", "omnivert.formats", "omnivert.pictures"),
     ("omnivert.offline",),
+    ("omnivert.doctor",),
     ("omnivert.studies",),
     ("services",),
     ("omnivert.bench",),

@@ -1,0 +1,96 @@
+"""A person pushes the robot: straight forward, a rest, a turn to the left. So each sign is told by itself."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from omnivert.config import Config
+from omnivert.doctor.turning import turns_seen
+from omnivert.messages import Bearings, Ticks
+from omnivert.odometry import SECOND
+
+REST_S = 1.0  # so long stands who has finished a movement
+REST_M = 0.004  # what a wheel may move meanwhile
+ENOUGH_M = 0.3  # of one wheel, for the straight way
+ENOUGH_RAD = 0.5  # of one wheel against the other, or together: a reversed one makes a straight way of a turn
+
+
+class Stage(StrEnum):
+    STRAIGHT = "straight"
+    TURN = "turn"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True)
+class Movement:
+    """From one rest to the next.
+
+    right_m, left_m  what each wheel tells, positive forward
+    picture_rad      the turn that the picture shows, counter-clockwise where bearing_sign is right
+    """
+
+    right_m: float
+    left_m: float
+    picture_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pushed:
+    straight: Movement
+    turn: Movement | None  # None: it did not come
+
+
+class Push:
+    """A stepper: waits for the two movements. Smaller ones, and what follows, are passed over."""
+
+    def __init__(self, config: Config) -> None:
+        self._scale = config.encoder.metres_per_tick
+        self._base = config.robot.wheel_base_m
+        self._done: list[Movement] = []
+        self._rest: Ticks | None = None  # where it stood last
+        self._still: Ticks | None = None  # since when it has not moved
+        self._bearings: list[Bearings] = []
+
+    @property
+    def stage(self) -> Stage:
+        return (Stage.STRAIGHT, Stage.TURN, Stage.DONE)[len(self._done)]
+
+    @property
+    def pushed(self) -> Pushed | None:
+        """What has come so far; None before the straight way."""
+        return Pushed(self._done[0], self._done[1] if len(self._done) > 1 else None) if self._done else None
+
+    def step(self, message: Ticks | Bearings) -> None:
+        if isinstance(message, Bearings):
+            self._bearings.append(message)
+        elif self.stage is not Stage.DONE:
+            self._move(message)
+
+    def _move(self, ticks: Ticks) -> None:
+        if self._rest is None or self._still is None:
+            self._rest = self._still = ticks
+            return
+        if max(map(abs, self._ways(self._still, ticks))) > REST_M:
+            self._still = ticks
+            return
+        if ticks.stamp_ns - self._still.stamp_ns < REST_S * SECOND:
+            return
+        right, left = self._ways(self._rest, ticks)
+        if self._is_enough(right, left):
+            self._done.append(Movement(right, left, self._turned(self._rest, ticks)))
+            self._rest = ticks
+            self._bearings.clear()
+        elif max(abs(right), abs(left)) <= REST_M:
+            self._rest = ticks
+
+    def _ways(self, since: Ticks, until: Ticks) -> tuple[float, float]:
+        """Right and left; m."""
+        return (until.right - since.right) * self._scale, (until.left - since.left) * self._scale
+
+    def _is_enough(self, right: float, left: float) -> bool:
+        if self.stage is Stage.STRAIGHT:
+            return max(abs(right), abs(left)) >= ENOUGH_M
+        return max(abs(right - left), abs(right + left)) / self._base >= ENOUGH_RAD
+
+    def _turned(self, since: Ticks, until: Ticks) -> float:
+        turns = turns_seen(self._bearings)
+        return turns.between(1e-9 * since.stamp_ns, 1e-9 * until.stamp_ns)
