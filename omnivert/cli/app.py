@@ -14,6 +14,7 @@ from omnivert.cli import (
     bench,
     calibrate,
     demo,
+    doctor,
     drive,
     explain,
     extrinsics,
@@ -50,6 +51,7 @@ app.add_typer(import_.app, name="import")
 app.add_typer(setup.app, name="setup")
 app.command("calibrate")(calibrate.calibrate)
 app.command("track")(track.track)
+app.command("doctor")(doctor.doctor)
 app.add_typer(extrinsics.app, name="extrinsics")
 app.add_typer(bench.app, name="bench")
 app.command("simulate")(simulate.simulate)
