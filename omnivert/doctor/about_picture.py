@@ -15,7 +15,8 @@ ROUND = 0.6  # share of the rim that lies on the circle
 OFTEN = 0.2  # of the frames, that say the same
 FEW_LINES, FEWEST_LINES = 6, 3
 ONE_SIDE_DEG = 180.0
-LOST_RING = ("ring not in the picture", "no lines")
+OTHERWISE_TOLD = ("ring not in the picture", "no lines")  # by other checks
+HARMLESS = "the strongest"  # of many lines are kept
 
 CURES = (  # how a reason begins or what it holds, what helps
     ("is black", "uncover the camera, or set a longer exposure"),
@@ -23,7 +24,6 @@ CURES = (  # how a reason begins or what it holds, what helps
     ("breaks off", "look at the camera's cable: its pictures are cut off"),
     ("hardly an edge", "step back from the robot, and keep hands off the mirror"),
     ("far fewer edges", "set a shorter exposure, turn more slowly, or wipe the mirror"),
-    ("strongest", "harmless, or raise vision.max_lines"),
     ("", "omnivert track REC --draw DIR   # shows what is seen in a recording"),
 )
 
@@ -79,14 +79,16 @@ def picture(evidence: Evidence) -> Finding:
     bearings = evidence.seen.bearings
     if not evidence.seen.images:
         return unchecked("no camera")
-    counts = {reason: times for reason, times in _reasons(bearings).items() if not reason.startswith(LOST_RING)}
-    often = [reason for reason, times in counts.items() if times > OFTEN * len(bearings)]
-    if often:
-        fact = f"{often[0]} ({counts[often[0]]} of {len(bearings)} frames)"
-        return worse(fact, "lines are being lost", _cure(often[0]))
-    return fine(
-        f"no fault in {len(bearings) - sum(map(bool, (b.reasons for b in bearings)))} of {len(bearings)} frames"
-    )
+    counts = {
+        reason: times
+        for reason, times in _reasons(bearings).items()
+        if not reason.startswith(OTHERWISE_TOLD) and HARMLESS not in reason
+    }
+    most = max(counts, key=lambda reason: counts[reason], default="")
+    if not most:
+        return fine(f"no fault in {len(bearings)} frames")
+    fact = f"{most} ({counts[most]} of {len(bearings)} frames)"
+    return worse(fact, "lines are being lost", _cure(most)) if counts[most] > OFTEN * len(bearings) else fine(fact)
 
 
 def lines(evidence: Evidence) -> Finding:

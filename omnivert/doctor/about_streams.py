@@ -115,6 +115,8 @@ def _silence(evidence: Evidence, what: str, device: str, setting: str) -> Findin
         return nothing("no bridge runs that could publish them")
     if bus.is_over:
         return nothing("the recording has been played to its end")
+    if bus.playing and not (bus.of("vision") and bus.of("calibration")):
+        return nothing("the playback waits for the services that are missing")
     return stops(
         f"no {what} for {bus.seconds:.0f} s", f"the {device} is silent", f"look at its cable, and at {setting}"
     )

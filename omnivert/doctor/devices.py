@@ -158,14 +158,17 @@ def _closed(place: Path, name: str, setting: str, others: list[Path]) -> Device 
 
 def _admission(place: Path) -> tuple[str, str]:
     """Why it is forbidden, and how to be let in."""
-    user = getpass.getuser()
-    try:
-        group = grp.getgrgid(place.stat().st_gid).gr_name
-    except (KeyError, OSError):
-        group = ""
+    user, group = getpass.getuser(), _group(place)
     if group in ("", "root"):
         return f"it belongs to root, and you are {user}", f"sudo chmod a+rw {place}"
     return f"you are not in the group {group}", f"sudo usermod -aG {group} {user}, then log in again"
+
+
+def _group(place: Path) -> str:
+    try:
+        return grp.getgrgid(place.stat().st_gid).gr_name
+    except (KeyError, OSError):
+        return ""
 
 
 def _holders(place: Path) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """A fault in what the sensors tell: the doctor names that one first, with a fix. A healthy drive has none."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from omnivert.cli.app import app
 from omnivert.doctor.finding import Finding, Status
 from omnivert.doctor.report import Report
 from omnivert.doctor.table import checked
@@ -16,6 +18,7 @@ from omnivert.vision.frontend import FrontEnd
 from tests.doctor.conftest import Told
 
 S = 10**9
+COMMANDS = {command.name for command in app.registered_commands}
 
 
 def report(told: Told) -> Report:
@@ -83,7 +86,7 @@ def rings(told: Told, change: Callable[[Ring], Ring], off_px: float = 0.0) -> To
     return replace(told, bearings=tuple(map(other, told.bearings)))
 
 
-def seen_with(told: Told, seconds: float = 10.0, **ring: object) -> Told:
+def seen_with(told: Told, seconds: float = 5.0, **ring: object) -> Told:
     """The first frames once more through the vision, with another [ring]."""
     part = told.set("ring", **ring)
     frames = tuple(frame for frame in part.frames if frame.stamp_ns < seconds * S)
@@ -161,6 +164,8 @@ def test_a_fault_is_named_first_with_a_fix(corridor: Told, what: str) -> None:
     assert found.first is not None
     assert (found.first.name, help in found.first.finding.help) == (name, True), found.first
     assert found.first.finding.reason
+    for command in re.findall(r"omnivert ([a-z]+)", found.first.finding.help):
+        assert command in COMMANDS
 
 
 def test_what_depends_on_a_fault_is_not_checked_and_says_so(corridor: Told) -> None:
