@@ -19,8 +19,8 @@ from omnivert.config import Config
 from omnivert.formats.drive_folder import ClosedFolder, hold_in_order, hold_together
 from omnivert.formats.meta import Meta, check_std
 from omnivert.formats.table import NS_PER_S, Row, refusal, rows
+from omnivert.formats.wheels import passed_over
 from omnivert.messages import Bearings, Message, Ticks
-from omnivert.odometry import Odometer
 
 WIDEST_RAD = 6.3  # a turn either way, however it was rounded; beyond it the numbers are hardly radians
 LONGEST_WAY_M = 1e8  # further than this a tick is lost in the last digit of a float
@@ -63,7 +63,7 @@ class BearingsFolder:
         hold_together(turned, seen, "bearing")
         self.shift_ns = max(0, -min(seen[0][1], self._ticks[0][1].stamp_ns))
         self.counts = {"Bearings": len(self._instants), "Ticks": len(self._ticks)}
-        self.notes = self._passed_over()
+        self.notes = passed_over("wheels.csv", (ticks for _, ticks in self._ticks), self.config)
 
     def messages(self) -> Iterator[Message]:
         """Everything in order of stamp; at equal stamps ticks, then bearings."""
@@ -126,25 +126,6 @@ class BearingsFolder:
             std_rad=np.array(instant.std_rad, dtype=np.float64),
             age_frames=np.array(instant.age_frames, dtype=np.int32),
             strength=np.array(instant.strength, dtype=np.float32),
-        )
-
-    def _passed_over(self) -> tuple[str, ...]:
-        """What the odometer will not believe of the wheels: its limits are no part of a recording.
-
-        They stay those of the configuration that a recording is calibrated with; so they are told now, while whoever
-        wrote the folder is here to read it.
-        """
-        odometer = Odometer(self.config.encoder, self.config.robot.wheel_base_m)
-        for _, ticks in self._ticks:
-            odometer.push(ticks)
-            odometer.forget_before(ticks.stamp_ns)
-        longest_s = max((b.stamp_ns - a.stamp_ns for (_, a), (_, b) in pairwise(self._ticks)), default=0) / NS_PER_S
-        encoder = self.config.encoder
-        limits = f"encoder.max_gap_s = {encoder.max_gap_s:g} and encoder.max_speed_m_s = {encoder.max_speed_m_s:g}"
-        return tuple(
-            f"wheels.csv: {reason.removeprefix('ticks: ')}, {times} times; its rows are up to {longest_s:.3g} s apart, "
-            f"and a calibration holds them to {limits} of its configuration"
-            for reason, times in odometer.refused.items()
         )
 
 
