@@ -61,6 +61,7 @@ ONE_ROOM = {
     "numba": "omnivert/compiled.py",
     "serial": "omnivert/drivers/serial_line.py",
     "tomlkit": "omnivert/cli/config_edit.py",
+    "rosbags": "omnivert/formats/rosbag_file.py",
 }
 
 

@@ -1,18 +1,9 @@
 """What each refusal means, why it is there, and the way out: one entry for each code."""
 
-from dataclasses import dataclass
+from omnivert.cli.explanation import Explanation
+from omnivert.cli.explanations_exchange import EXCHANGE
 
-
-@dataclass(frozen=True, slots=True)
-class Explanation:
-    """One refusal: its short name, what it means and why, and what to do."""
-
-    name: str
-    meaning: str
-    cure: str
-
-
-EXPLANATIONS = {
+EXPLANATIONS: dict[str, Explanation] = {
     # 1: the drive
     "OV101": Explanation(
         "no_frames",
@@ -275,6 +266,7 @@ EXPLANATIONS = {
         "for it; or the folder could not be written: its place does not exist, is read-only, or the disk is full.",
         "omnivert rec info shows what it holds; choose another place for -o.",
     ),
+    **EXCHANGE,
     # 4: the bus and the services on it
     "OV401": Explanation(
         "no_router",

@@ -1,22 +1,13 @@
-"""`omnivert import frames` or `bearings DIR -o OUT.mcap`: a folder that somebody's logger wrote becomes a recording."""
+"""`omnivert import frames`, `bearings` or `rosbag`: what somebody's logger wrote becomes a recording."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.markup import escape
 
-from omnivert.cli import say
-from omnivert.cli.outputs import check_new_recording
-from omnivert.cli.settings import ConfigOption, JsonOption, settings
-
-if TYPE_CHECKING:
-    from omnivert.config import Config
-    from omnivert.formats.drive_folder import DriveFolder
-    from omnivert.formats.written import Progress
-
-    Importer = Callable[[Path, Path, Config, Progress], DriveFolder]
+from omnivert.cli.import_rosbag import rosbag
+from omnivert.cli.imported import imported
+from omnivert.cli.settings import ConfigOption, JsonOption
 
 app = typer.Typer(help="Turn other people's files into a recording.")
 
@@ -36,7 +27,7 @@ def frames(
     """Images, encoders and optional scans of a folder -> a recording. Nothing half-written is left."""
     from omnivert.formats.frames_import import import_frames
 
-    _import(import_frames, folder, output, config, as_json)
+    imported(import_frames, folder, output, config, as_json)
 
 
 @app.command("bearings")
@@ -49,20 +40,7 @@ def bearings(
     """Bearings of any sensor and wheel displacements of a folder -> a recording. Nothing half-written is left."""
     from omnivert.formats.bearings_import import import_bearings
 
-    _import(import_bearings, folder, output, config, as_json)
+    imported(import_bearings, folder, output, config, as_json)
 
 
-def _import(read: "Importer", folder: Path, output: Path, config: Path | None, as_json: bool) -> None:
-    check_new_recording(output)
-    with say.progress("importing", None) as bar:
-        given = read(folder, output, settings(config), bar.reach)
-    size = output.stat().st_size
-    if as_json:
-        body = {"recording": str(output), "bytes": size, "messages": given.counts, "notes": list(given.notes)}
-        say.json_result(body)
-        return
-    text = " · ".join(f"{count} {name}" for name, count in given.counts.items())
-    say.result(f"{output}  {size / 1e6:.1f} MB · {text}")
-    for note in given.notes:
-        say.story(f"[yellow]note[/]    {escape(note)}")
-    say.story(f"next    omnivert calibrate {output}")
+app.command("rosbag")(rosbag)

@@ -1,0 +1,37 @@
+"""What every `omnivert import` does: check the place, show how far it is, say what was written and what is next."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+
+from omnivert.cli import say
+from omnivert.cli.outputs import check_new_recording
+from omnivert.cli.settings import settings
+
+if TYPE_CHECKING:
+    from omnivert.config import Config
+    from omnivert.formats.drive_folder import DriveFolder
+    from omnivert.formats.written import Progress
+
+    Importer = Callable[[Path, Path, Config, Progress], DriveFolder]
+
+
+def imported(read: "Importer", source: Path, output: Path, config: Path | None, as_json: bool, *also: str) -> None:
+    """Make a recording of the source.
+
+    also  notes beside those of the source itself
+    """
+    check_new_recording(output)
+    with say.progress("importing", None) as bar:
+        given = read(source, output, settings(config), bar.reach)
+    size, notes = output.stat().st_size, [*given.notes, *also]
+    if as_json:
+        say.json_result({"recording": str(output), "bytes": size, "messages": given.counts, "notes": notes})
+        return
+    text = " · ".join(f"{count} {name}" for name, count in given.counts.items())
+    say.result(f"{output}  {size / 1e6:.1f} MB · {text}")
+    for note in notes:
+        say.story(f"[yellow]note[/]    {escape(note)}")
+    say.story(f"next    omnivert calibrate {output}")
