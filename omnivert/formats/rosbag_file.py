@@ -29,6 +29,7 @@ _CURES = {
 }
 _CURE = "ros2 bag reindex DIR mends what a killed recorder left"
 _METADATA = "metadata.yaml"
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _HEADER = "std_msgs/msg/Header"
 
 
@@ -176,6 +177,8 @@ class BagWriter:
     def __init__(self, path: Path) -> None:
         self._ros1 = path.suffix == ROS1
         self._types = get_typestore(Stores.ROS1_NOETIC if self._ros1 else Stores.ROS2_HUMBLE)
+        if self._ros1:  # the one type of ours that is not among the library's common ones there
+            self._types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _TRANSFORMS))
         self._writer: Any = Writer1(path) if self._ros1 else Writer2(path, version=8, storage_plugin=StoragePlugin.MCAP)
         self._connections: dict[str, Connection] = {}
 
