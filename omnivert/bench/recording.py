@@ -245,4 +245,4 @@ def _slept(seconds: float) -> list[float]:
 def _errors_s(sent_ns: NDArray[np.int64], stamps_ns: NDArray[np.int64]) -> list[float]:
     """Distances from the time that most of them keep."""
     late_ns = (sent_ns - sent_ns[0]) - (stamps_ns - stamps_ns[0])
-    return (np.abs(late_ns - np.median(late_ns)) / _NS).tolist()
+    return [float(late_s) for late_s in np.abs(late_ns - np.median(late_ns)) / _NS]

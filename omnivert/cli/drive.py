@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from omnivert.cli import say
-from omnivert.cli.strokes import check_terminal, strokes
 from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption
+from omnivert.cli.strokes import check_terminal, strokes
 from omnivert.cli.whom import meant
 from omnivert.messages import Drive, Estimate
 from omnivert.pictures.words import mark, printable, quantities, short, word

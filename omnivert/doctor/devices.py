@@ -78,7 +78,7 @@ def encoder(config: Encoder) -> Device:
     line, stop, readings = EncoderLine(config), Event(), list[Ticks]()
     until_s = time.monotonic() + LISTEN_S
     came = False
-    for piece in pieces(config, stop):
+    for piece in pieces(config, stop, line):
         match piece:
             case Lost(reason):
                 return Device(port, f"{port} {reason}", "", "omnivert monitor   # shows who else reads it")

@@ -10,6 +10,7 @@ import pytest
 
 from omnivert.bench import recording as module
 from omnivert.bench.recording import _cpu_s, _errors_s, _memory_mb, _messages, recording_times
+from omnivert.bench.spread import Spread
 from omnivert.cli.app import run
 from omnivert.config import Config
 from omnivert.errors import DataError
@@ -68,7 +69,7 @@ def test_a_disk_without_room_is_refused_before_it_begins(tmp_path: Path) -> None
 def test_the_command_prints_one_object(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    spread = module.Spread(0.1, 0.2, 3)
+    spread = Spread(0.1, 0.2, 3)
     times = module.RecordingTimes(30, 100, 1.0, 0, 9, 0.1, 0.1, (50.0, 51.0), 2.0, spread, spread)
     monkeypatch.setattr(module, "recording_times", lambda *given: times)
     assert run(["bench", "recording", "--folder", str(tmp_path), "--json"]) == 0

@@ -202,7 +202,7 @@ def test_up_plays_a_recording_in_place_of_the_bridge(straight: Path, tmp_path: P
 
 
 def test_without_a_configuration_up_takes_the_rig_of_the_recording() -> None:
-    with up._file(None, "corridor") as file:
+    with up._file(None, "corridor", None) as file:
         assert load(file).rig_digest() == opened("corridor").config(Config()).rig_digest()
 
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from omnivert.drivers.line_protocol import Sample, line_from_sample
+from omnivert.drivers.protocols.omnivert_line import line_from_sample
+from omnivert.drivers.protocols.sample import Sample
 
 PERIOD_S = 0.01
 
