@@ -8,7 +8,6 @@ import typer
 from rich.markup import escape
 
 from omnivert.cli import say
-from omnivert.cli.config_edit import check_editable, edit
 from omnivert.cli.outputs import check_outputs
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
 from omnivert.config import Config, MirrorRing
@@ -47,6 +46,8 @@ def ring(
     as_json: JsonOption = False,
 ) -> None:
     """Find the mirror's centre, Rmin and Rmax in one or more pictures; those of several places make it surer."""
+    from omnivert.cli.config_edit import check_editable, edit
+
     chosen = settings(config)
     if config is not None:
         check_editable(config)

@@ -18,6 +18,7 @@ Float = NDArray[np.float64]
 SAFE_SHARE = 0.30  # of Rmax: Rmin where nothing tells it; the robot's own image ends below it in the mirrors we know
 _LEAST, _MOST = 0.08, 0.50  # of Rmax: where the robot's own image may end
 _OFF = 0.06  # of Rmax: how far the middle of that image may lie from the rim's
+_STEP_PX = 2.0  # from one such middle to the next
 _WIDTH = 0.05  # of the radius: how wide its border may be
 _BLUR_PX = 1.0
 _CLEAR = 0.85  # one-sidedness of a border that is believed by itself ...
@@ -105,7 +106,8 @@ def _outermost(borders: list[tuple[_Border, float]], radius: float) -> _Border:
 
 def _borders(pictures: Sequence[Grey], centers: Float, radius: float) -> list[_Border]:
     """Circles near the middle across which the pictures are one-sided: a local best among the radii each."""
-    off = np.arange(-_OFF * radius, _OFF * radius + 1.0, 2.0)
+    steps = int(_OFF * radius / _STEP_PX)
+    off = _STEP_PX * np.arange(-steps, steps + 1)  # the rim's own centre among them
     radii = np.arange(_LEAST * radius, _MOST * radius, 1.0)
     some = slice(None, None, max(len(pictures) // MOST_SEARCHED, 1))
     each = zip(pictures[some], centers[some], strict=True)

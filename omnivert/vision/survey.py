@@ -63,6 +63,12 @@ def surveyed(pictures: Sequence[Grey]) -> Rim | NoRim:
     found = _wide(pictures)
     if isinstance(found, NoRim):
         return found
+    fitted = [_fitted(pictures, wide) for wide in found]
+    return next((one for one in fitted if isinstance(one, Rim)), fitted[0])
+
+
+def _fitted(pictures: Sequence[Grey], found: "_Wide") -> Rim | NoRim:
+    """The rim near what the wide search has found."""
     fits = [_close(grey, found) for grey in pictures]
     there = [k for k, fit in enumerate(fits) if fit is not None]
     if not there:
@@ -119,8 +125,11 @@ class _Wide(NamedTuple):
     bright: bool
 
 
-def _wide(pictures: Sequence[Grey]) -> _Wide | NoRim:
-    """The circle across which most pictures fall nearly all around; else the one across which they rise."""
+def _wide(pictures: Sequence[Grey]) -> list[_Wide] | NoRim:
+    """The circle across which most pictures fall nearly all around, and the one across which they rise; at least one.
+
+    The first is preferred: around many mirrors lies a dark band, and the world is bright again beyond it.
+    """
     scale = _SIDE_PX / min(pictures[0].shape)
     some = np.unique(np.linspace(0, len(pictures) - 1, min(len(pictures), MOST_SEARCHED)).astype(int))
     small = [Smaller.of(pictures[k], scale) for k in some]
@@ -129,17 +138,34 @@ def _wide(pictures: Sequence[Grey]) -> _Wide | NoRim:
     rows, columns = small[0].grey.shape
     radii = np.arange(_LEAST_RADIUS * min(rows, columns), _MOST_RADIUS * min(rows, columns), _RADII_PX)
     grid = Grid(np.arange(0.0, columns, _CENTERS_PX), np.arange(0.0, rows, _CENTERS_PX), radii)
-    asked = [falls(one.grey, grid, _WIDTH) for one in small]
-    each = np.array([np.where(seen >= _LEAST_SEEN, net, 0.0) for net, seen in asked])
-    together = np.median(each, axis=0)
+    each = _sided(small, grid)
+    together, found = np.median(each, axis=0), []
     for sign, least in ((1.0, _FALLS), (-1.0, _RISES)):
-        if float(np.max(sign * together)) >= least:
-            u, v, radius = _middle(sign * together, grid)
-            return _Wide(*small[0].back(u, v), radius / small[0].down, sign > 0)
+        # The steps of the wide search are about as wide as a rim: closer steps show how good the best circle is.
+        near = _about(_middle(sign * together, grid))
+        closer = sign * np.median(_sided(small, near), axis=0)
+        if float(np.max(closer)) >= least:
+            u, v, radius = _middle(closer, near)
+            found.append(_Wide(*small[0].back(u, v), radius / small[0].down, sign > 0))
+    if found:
+        return found
     if 2 * np.count_nonzero(each.max(axis=(1, 2, 3)) >= _FALLS) > len(small) > 1:
         return NoRim("the pictures show a rim each, but not in one place: were they taken with one camera and mirror?")
     most = 100.0 * float(np.max(np.abs(together)))
     return NoRim(f"no circle parts bright from dark all around; the best does so along {most:.0f} % of it")
+
+
+def _sided(small: Sequence[Smaller], grid: Grid) -> Float:
+    """(N, V, U, R) one-sidedness of each picture; 0 where too little of the circle lies in it."""
+    asked = [falls(one.grey, grid, _WIDTH) for one in small]
+    return np.array([np.where(seen >= _LEAST_SEEN, net, 0.0) for net, seen in asked])
+
+
+def _about(circle: tuple[float, float, float]) -> Grid:
+    """Circles in close steps about this one."""
+    u, v, radius = circle
+    off = np.arange(-_CENTERS_PX, _CENTERS_PX + 1.0)
+    return Grid(u + off, v + off, radius + np.arange(-2.0 * _RADII_PX, 2.0 * _RADII_PX + 0.5, 0.5))
 
 
 def _middle(sided: Float, grid: Grid) -> tuple[float, float, float]:
