@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from omnivert.config import Config
 from omnivert.messages import Ticks
@@ -12,6 +13,9 @@ from omnivert.simulation.recording import Drive
 from omnivert.threads import one_thread
 
 PROJECT = Path(__file__).resolve().parents[1]
+
+settings.register_profile("untimed", deadline=None)  # a busy machine is no wrong result; benchmarks measure time
+settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session", autouse=True)
