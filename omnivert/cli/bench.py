@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omnivert.cli import bench_recording, bench_vision, results, say
+from omnivert.cli import bench_recording, bench_ticks, bench_vision, results, say
 from omnivert.cli.given import count
 from omnivert.cli.settings import PACKAGED, ConfigOption, JsonOption, ModeOption, opened, settings, title, with_mode
 from omnivert.errors import DataError
@@ -27,6 +27,7 @@ def root() -> None:
 
 app.command("vision")(bench_vision.vision)
 app.command("recording")(bench_recording.recording)
+app.command("ticks")(bench_ticks.ticks)
 
 
 @app.command("pipeline")

@@ -1,6 +1,7 @@
 """The bridge on a real bus: camera and encoder each on its own, whatever happens to the other."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -25,6 +26,7 @@ from omnivert.drivers.protocols.omnivert_line import line_from_sample
 from omnivert.drivers.protocols.sample import Sample
 from omnivert.errors import UseError
 from omnivert.messages import Frame, Health, Message, Ticks
+from omnivert.pictures.notes import is_harmless
 from omnivert.wire import rivals
 from omnivert.wire.bus import Bus, Received, Router
 from omnivert.wire.channels import FRAME, HEALTH, TICKS
@@ -198,6 +200,17 @@ def test_a_silent_encoder_and_one_that_sends_rubbish_are_named(bridged: Bridged,
     bridged.begin()
     heard(stream, note("is open and has given nothing usable"))
     heard(stream, no_note("nothing usable"), encoder.send)
+
+
+def test_health_tells_of_the_encoders_clock_and_nobody_need_worry(bridged: Bridged, encoder: Encoder) -> None:
+    stream = bridged.other.listen(HEALTH, period_s=0.02)
+    encoder.plug_in()
+    bridged.begin()
+    health = heard(stream, note("clock of the encoder: runs"), encoder.send)
+    assert isinstance(health, Health)
+    said = next(text for text in health.notes if text.startswith("clock"))
+    assert re.fullmatch(r"clock of the encoder: runs \d+ ppm (fast|slow); lines come .* ms, p99 .* ms after .*", said)
+    assert is_harmless(said)
 
 
 def test_a_camera_that_is_away_is_not_said_to_be_open(config: Config, monkeypatch: pytest.MonkeyPatch) -> None:
