@@ -10,6 +10,7 @@ import struct
 from binascii import crc_hqx
 from collections import Counter
 
+from omnivert.drivers.protocols.exchange import Exchange
 from omnivert.drivers.protocols.sample import Sample
 
 GETENCODERS = 78
@@ -24,31 +25,26 @@ class RoboClaw:
         self.refused: Counter[str] = Counter()
         self._question = bytes((address, GETENCODERS))
         self._begun = bytearray()
-        self._awaits = False
-        self._known = False  # has answered since the port was opened
+        self._exchange = Exchange(self.refused)
 
     @property
     def awaits(self) -> bool:
-        return self._awaits
+        return self._exchange.awaits
 
     def request(self) -> bytes:
-        if self._awaits and self._begun:
-            self.refused["answer cut off"] += 1
-        elif self._awaits and self._known:
-            self.refused["no answer"] += 1
+        self._exchange.begin(heard=bool(self._begun))
         self._begun.clear()
-        self._awaits = True
         return self._question
 
     def feed(self, data: bytes) -> list[Sample]:
-        if not data or not self._awaits:
+        if not data or not self._exchange.awaits:
             return []  # nobody asked for it
         self._begun += data
         if len(self._begun) < ANSWER.size:
             return []
         answer = bytes(self._begun[: ANSWER.size])
         self._begun.clear()
-        self._awaits, self._known = False, True
+        self._exchange.end()
         left, right, crc = ANSWER.unpack(answer)
         if crc16(self._question + answer[:-2]) != crc:
             self.refused["checksum differs"] += 1
@@ -58,7 +54,7 @@ class RoboClaw:
 
     def reset(self) -> None:
         self._begun.clear()
-        self._awaits = self._known = False
+        self._exchange.reset()
 
 
 def crc16(data: bytes) -> int:

@@ -13,6 +13,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 
+from omnivert.drivers.protocols.exchange import Exchange
 from omnivert.drivers.protocols.sample import Sample
 
 ASK = b"e\r"
@@ -38,24 +39,19 @@ class RosArduino:
         self._line = bytearray()
         self._answers: list[Sample | None] = []  # None: not of the protocol
         self._heard_bytes = 0
-        self._awaits = False
-        self._known = False  # has answered since the port was opened
+        self._exchange = Exchange(self.refused)
 
     @property
     def awaits(self) -> bool:
-        return self._awaits
+        return self._exchange.awaits
 
     def request(self) -> bytes:
-        if self._awaits and self._heard_bytes:
-            self.refused["answer cut off"] += 1
-        elif self._awaits and self._known:
-            self.refused["no answer"] += 1
+        self._exchange.begin(heard=self._heard_bytes > 0)
         self._begin_anew()
-        self._awaits = True
         return ASK * TIMES
 
     def feed(self, data: bytes) -> list[Sample]:
-        if not self._awaits:
+        if not self._exchange.awaits:
             return []  # nobody asked for it
         *ended, rest = data.split(b"\n")
         for piece in ended:
@@ -71,7 +67,7 @@ class RosArduino:
     def reset(self) -> None:
         self._last = None
         self._begin_anew()
-        self._awaits = self._known = False
+        self._exchange.reset()
 
     def _add(self, piece: bytes) -> None:
         self._heard_bytes += len(piece)
@@ -83,7 +79,7 @@ class RosArduino:
         self._heard_bytes = 0
 
     def _judged(self) -> list[Sample]:
-        self._awaits, self._known = False, True
+        self._exchange.end()
         first, middle, last = self._answers
         self._answers = []
         for answer, others in ((first, (middle, last)), (middle, (last,))):
