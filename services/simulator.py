@@ -32,6 +32,7 @@ from services import _start
 
 Array = NDArray[np.float64]
 
+BLOCKED = "blocked: something stands in the robot's way"  # a note in health
 SETTLE_S = 1.0  # standing, before a path begins and after it has ended
 _TURN_S = 0.1  # how often a thread looks whether it is over
 _ANY = Route.model_validate({"leg": [{"rest_s": SAMPLE_S}]})  # where no path was asked for
@@ -151,8 +152,7 @@ class _Robot:
         self._sample += 1
         self._tell_counts()
         self._plan(before)
-        blocked = "encoder: something stands in the robot's way" if self._vehicle.blocked else None
-        self._bus.note(blocked, "blocked")
+        self._bus.note(BLOCKED if self._vehicle.blocked else None, "blocked")
 
     def _heard(self) -> Drive | None:
         try:

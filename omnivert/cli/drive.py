@@ -17,7 +17,7 @@ from omnivert.cli import say
 from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption
 from omnivert.cli.strokes import check_terminal, strokes
 from omnivert.cli.whom import meant
-from omnivert.messages import Drive, Estimate
+from omnivert.messages import Drive, Estimate, Health
 from omnivert.pictures.words import mark, printable, quantities, short, word
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def drive(
                 while not bus.stopped and (key := keys.pressed(PERIOD_S)) not in ENDS:
                     motion = MOTIONS.get(key or "", motion)
                     _steer(bus, motion, speed, turn)
-                    _show(motion, newest.estimate)
+                    _show(motion, newest)
         finally:
             _steer(bus, motion and STOP, speed, turn)
             say.story("")
@@ -85,6 +85,7 @@ def drive(
 @dataclass(slots=True)
 class _Newest:
     estimate: Estimate | None = None
+    blocked: bool = False  # the robot stands before something
 
 
 @contextmanager
@@ -101,13 +102,18 @@ def _followed(bus: "Bus") -> Iterator[_Newest]:
 
 
 def _follow(bus: "Bus", newest: _Newest, over: threading.Event) -> None:
-    from omnivert.wire.channels import ESTIMATE
+    from omnivert.wire.channels import ESTIMATE, HEALTH
 
-    for received in bus.listen(ESTIMATE, period_s=PERIOD_S):
+    for received in bus.listen(ESTIMATE, HEALTH, period_s=PERIOD_S):
         if over.is_set():
             return
-        if received is not None and isinstance(received.message, Estimate):
-            newest.estimate = received.message
+        match received.message if received is not None else None:
+            case Estimate() as estimate:
+                newest.estimate = estimate
+            case Health(service="bridge", notes=notes):
+                newest.blocked = any(note.startswith("blocked") for note in notes)
+            case _:
+                pass
 
 
 def _steer(bus: "Bus", motion: Motion | None, speed: float, turn: float) -> None:
@@ -118,9 +124,10 @@ def _steer(bus: "Bus", motion: Motion | None, speed: float, turn: float) -> None
         bus.publish(DRIVE, command)
 
 
-def line(motion: Motion | None, estimate: Estimate | None, columns: int) -> str:
+def line(motion: Motion | None, estimate: Estimate | None, columns: int, blocked: bool = False) -> str:
     """What moves, what is known how well, and what to drive next, in so many columns."""
-    parts = [f"{(motion.name if motion is not None else 'as it goes'):<13}"]
+    name = "✗ something is in the way" if blocked else motion.name if motion is not None else "as it goes"
+    parts = [f"{name:<13}"]
     if estimate is None:
         parts.append("– waiting")
     else:
@@ -135,7 +142,7 @@ def line(motion: Motion | None, estimate: Estimate | None, columns: int) -> str:
     return short(" │ ".join(parts), columns)
 
 
-def _show(motion: Motion | None, estimate: Estimate | None) -> None:
+def _show(motion: Motion | None, newest: _Newest) -> None:
     columns = shutil.get_terminal_size((COLUMNS, 24)).columns - 1
-    sys.stderr.write(f"\r\x1b[K{line(motion, estimate, columns)}")
+    sys.stderr.write(f"\r\x1b[K{line(motion, newest.estimate, columns, newest.blocked)}")
     sys.stderr.flush()
