@@ -119,7 +119,7 @@ def _check_simulated(sim: str | None, path: str | None, play: str | None) -> Non
 
 
 @contextmanager
-def _file(config: Path | None, play: str | None, sim: str | None) -> Iterator[Path]:
+def _file(config: Path | None, play: str | None, sim: str | None = None) -> Iterator[Path]:
     """The configuration that the services are started with; without one it is that of the recording's rig.
 
     Bearings of another sensor come with wheels of their own, which no configuration of a robot describes: the rig is

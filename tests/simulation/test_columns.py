@@ -30,7 +30,7 @@ def by_hand(things: list[Panel | Round], origin: Array, direction: Array) -> flo
             off = origin - thing.at
             if off @ off <= (1.001 * thing.radius_m) ** 2:
                 continue
-            roots = np.roots([1.0, 2.0 * off @ direction, off @ off - thing.radius_m**2])
+            roots = np.roots(np.array([1.0, 2.0 * float(off @ direction), float(off @ off) - thing.radius_m**2]))
             found += [float(root.real) for root in roots if abs(root.imag) < 1e-12 and root.real > 0.0]
     return min(found, default=0.0)
 
@@ -64,7 +64,9 @@ def test_every_end_of_a_panel_is_a_border_between_columns(flat: list[Panel], hea
             azimuths = np.arctan2(ends[:, 1], ends[:, 0]) - heading
             off = np.cos(azimuths - around.bounds[bound])
             assert off.max() > 1.0 - 1e-12
-            assert np.hypot(*(np.array(place_of[line]) - (0.2, -0.1) - ends[off.argmax()])) < 2e-3
+            assert (
+                np.hypot(*(np.asarray(place_of[int(line)], dtype=np.float64) - (0.2, -0.1) - ends[off.argmax()])) < 2e-3
+            )
 
 
 @settings(deadline=None)
