@@ -10,19 +10,24 @@ import sys
 import termios
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pytest
 
 from omnivert.config import Config, parsed
 from omnivert.drivers.image_file import frame_from_file
-from omnivert.messages import Drive, Frame, Message, Scan, Ticks
+from omnivert.messages import Bearings, Drive, Frame, Message, Scan, Ticks
+from omnivert.vision.frontend import FrontEnd
 from omnivert.wire.bus import Bus, Router
-from omnivert.wire.channels import DRIVE, FRAME, SCAN, TICKS
+from omnivert.wire.channels import BEARINGS, DRIVE, FRAME, SCAN, TICKS
+from omnivert.wire.codec import encode
 
+M = TypeVar("M", bound=Message)
 DEADLINE_S = 60.0  # also where the machine has to compile first
+PERIOD_NS = 400_000_000  # from frame to frame
 SCALE = Config().encoder.metres_per_tick
 
 
@@ -31,7 +36,7 @@ def config(folder: Path) -> Config:
     given = {
         "bus": {"endpoint": f"unixsock-stream/{folder / 'bus'}"},
         "storage": {"path": str(folder / "store.db")},
-        "camera": {"frame_rate_hz": 5.0},
+        "camera": {"frame_rate_hz": 2.5},
     }
     return parsed(given, "the test")
 
@@ -43,10 +48,18 @@ def file(config: Config, folder: Path) -> Path:
     return path
 
 
+def simulator(file: Path, *more: str) -> AbstractContextManager["subprocess.Popen[bytes]"]:
+    return service("simulator", file, "--world", "office", *more)
+
+
+def vision(file: Path) -> AbstractContextManager["subprocess.Popen[bytes]"]:
+    return service("vision", file)
+
+
 @contextmanager
-def simulator(file: Path, *more: str) -> Iterator["subprocess.Popen[bytes]"]:
-    command = [sys.executable, "-P", "-m", "services.simulator", "--config", str(file), "--world", "hall", *more]
-    with subprocess.Popen([*command, "--supervised"], stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+def service(name: str, file: Path, *more: str) -> Iterator["subprocess.Popen[bytes]"]:
+    command = [sys.executable, "-P", "-m", f"services.{name}", "--config", str(file), "--supervised", *more]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         try:
             yield process
         finally:
@@ -59,7 +72,7 @@ def heard(
     """Everything that comes until it `holds` for what has come."""
     messages: list[Message] = []
     deadline = time.monotonic() + DEADLINE_S
-    for received in bus.listen(TICKS, FRAME, SCAN, DRIVE, period_s=0.1, every=True):
+    for received in bus.listen(TICKS, FRAME, SCAN, BEARINGS, DRIVE, period_s=0.1, every=True):
         if received is not None:
             assert not received.replay
             messages.append(received.message)
@@ -70,53 +83,58 @@ def heard(
     raise AssertionError("the bus was stopped")
 
 
-def counts(messages: list[Message]) -> list[Ticks]:
-    return [message for message in messages if isinstance(message, Ticks)]
+def of(messages: list[Message], kind: type[M]) -> list[M]:
+    return [message for message in messages if isinstance(message, kind)]
 
 
-def test_it_gives_counts_pictures_and_scans_in_real_time_until_its_path_ends(
+def test_it_gives_the_streams_of_a_bridge_in_real_time_until_its_path_ends(
     config: Config, file: Path, folder: Path
 ) -> None:
     path = folder / "short.toml"
     path.write_text("[[leg]]\nstraight_m = 0.15\n")
-    with (
-        Router(config),
-        Bus(config, "test", "test") as bus,
-        simulator(file, "--path", str(path), "--exit-when-done") as robot,
-    ):
-        messages = heard(bus, lambda found: len(counts(found)) >= 160)
+    options = ("--path", str(path), "--exit-when-done", "--wait-for", "vision")
+    with Router(config), Bus(config, "test", "test") as bus, vision(file), simulator(file, *options) as robot:
+        messages = heard(bus, lambda found: len(of(found, Ticks)) >= 160)
         now_ns = time.monotonic_ns()
         assert bus.await_presence(lambda: ("bridge", "front") in bus.present(), DEADLINE_S)
         assert robot.wait(DEADLINE_S) == 0
-    ticks = counts(messages)
+    ticks, frames = of(messages, Ticks), of(messages, Frame)
     steps = np.diff([m.stamp_ns for m in ticks])
     np.testing.assert_allclose(steps, 20_000_000, atol=1)
     assert 0 <= now_ns - ticks[-1].stamp_ns < 5e9  # this host's clock, as it is now
     assert (ticks[-1].left - ticks[0].left) * SCALE == pytest.approx(0.15, abs=2 * SCALE)
-    frames = [m for m in messages if isinstance(m, Frame)]
-    assert len(frames) > 10
-    assert {(frame.stamp_ns - frames[0].stamp_ns) % 200_000_000 for frame in frames} <= {0, 1, 199_999_999}
-    assert {m.stamp_ns for m in messages if isinstance(m, Scan)} >= {frame.stamp_ns for frame in frames[:-1]}
+    assert len(frames) > 5
+    assert {(frame.stamp_ns - frames[0].stamp_ns) % PERIOD_NS for frame in frames} <= {0, 1, PERIOD_NS - 1}
+    assert {m.stamp_ns for m in of(messages, Scan)} >= {frame.stamp_ns for frame in frames[:-1]}
     read = frame_from_file(frames[0].data.tobytes(), 0)
     assert (read.width_px, read.height_px) == (640, 480)
+    # What the vision makes of them live are the bytes that it makes of them anywhere; as far as none came too fast.
+    front_end, live = FrontEnd(config), of(messages, Bearings)
+    pairs = [(frame, lines) for frame, lines in zip(frames, live, strict=False) if frame.stamp_ns == lines.stamp_ns]
+    assert len(pairs) >= 3
+    for frame, lines in pairs if len(pairs) == len(live) else pairs[:3]:
+        assert encode(front_end.step(frame)) == encode(lines)
+        assert lines.bearing_rad.size > 10
 
 
 def test_commands_drive_it_and_when_they_cease_it_stops(config: Config, file: Path) -> None:
     with Router(config), Bus(config, "test", "test") as bus, simulator(file):
-        heard(bus, lambda found: len(counts(found)) > 5)
+        heard(bus, lambda found: len(of(found, Ticks)) > 5)
 
         def forward() -> None:
             bus.publish(DRIVE, Drive(time.monotonic_ns(), 0.2, 0.0))
 
         def has_driven(messages: list[Message]) -> bool:
-            ticks = counts(messages)
+            ticks = of(messages, Ticks)
             return len(ticks) > 1 and (ticks[-1].left - ticks[0].left) * SCALE > 0.1
 
         heard(bus, has_driven, forward)  # the bus gives a frame, ticks or nothing ten times a second and more
         began = time.monotonic_ns()
-        messages = heard(bus, lambda found: stands(counts(found)))
+        messages = heard(bus, lambda found: stands(of(found, Ticks)))
         moving = [
-            b.stamp_ns for a, b in zip(counts(messages)[:-1], counts(messages)[1:], strict=True) if a.left != b.left
+            b.stamp_ns
+            for a, b in zip(of(messages, Ticks)[:-1], of(messages, Ticks)[1:], strict=True)
+            if a.left != b.left
         ]
         assert (moving[-1] - began) * 1e-9 < 1.5 if moving else True
 
