@@ -1,6 +1,8 @@
 """A whole drive: folder and recording hold the same, every path that ships can be driven, bad files are named."""
 
 import json
+import re
+import tomllib
 from dataclasses import fields
 from pathlib import Path
 from typing import get_args
@@ -15,7 +17,7 @@ from omnivert.formats.frames_import import import_frames
 from omnivert.formats.written import write_recording
 from omnivert.messages import Bearings, Estimate, Frame, Scan, Ticks
 from omnivert.offline import calibrated
-from omnivert.simulation.place import Place
+from omnivert.simulation.place import Kind, Place
 from omnivert.simulation.route import Route
 from omnivert.simulation.stage import Stage
 from omnivert.simulation.toml_file import loaded, names
@@ -166,6 +168,16 @@ def test_a_world_of_ones_own_that_is_wrong_is_named(tmp_path: Path, text: str, s
     with pytest.raises(UseError, match=r"my\.toml") as refused:
         loaded(str(file), "worlds", Place)
     assert said in str(refused.value)
+
+
+def test_the_examples_of_the_file_formats_are_what_is_read() -> None:
+    text = (Path(__file__).resolve().parents[2] / "deploy" / "simulation-files.md").read_text()
+    world, path = (tomllib.loads(part) for part in re.findall(r"```toml\n(.*?)```", text, re.DOTALL))
+    bare = Place.model_validate({"wall": [{"points": [[0, 0], [1, 0]]}]})
+    shown = Place.model_validate(world)
+    assert (shown.camera, shown.ceiling, shown.laser) == (bare.camera, bare.ceiling, bare.laser)  # "the values above"
+    assert len(Route.model_validate(path).leg) == 4
+    assert re.findall(r"`(\w+)`", text.split("A fixture is")[1].split(";")[0]) == list(get_args(Kind))
 
 
 def test_a_name_that_is_nearly_right_is_told() -> None:
