@@ -73,6 +73,11 @@ class Heard:
         return claim is None or (self.receipt is not None and self.receipt.stamp_ns >= claim.stamp_ns)
 
     @property
+    def patience_s(self) -> float:
+        """How long nothing may come after the end: a playback has waited for its results before, a live robot not."""
+        return SILENCE_S if self.over else SETTLE_S
+
+    @property
     def finished(self) -> bool:
         return self.over or (self.played is not None and self.played.finished)
 
@@ -113,7 +118,7 @@ def watched(
             if received is None:
                 if over is not None and over():
                     heard.ended()
-                if heard.complete or (heard.finished and now - last > SETTLE_S):
+                if heard.complete or (heard.finished and now - last > heard.patience_s):
                     break  # nothing has come for a while, so nothing is on its way
                 if now - last > SILENCE_S:
                     raise DataError(
