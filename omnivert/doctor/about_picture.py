@@ -98,6 +98,9 @@ def lines(evidence: Evidence) -> Finding:
     counts = np.array([_still(frame).size for frame in bearings])
     low, middle, high = (int(value) for value in np.percentile(counts, (10, 50, 90)))
     fact = f"{middle} lines a frame (mostly {low} to {high})"
+    if not evidence.seen.images:
+        tracks = np.unique(np.concatenate([frame.track_id for frame in bearings])).size
+        return fine(f"{tracks} lines in all, {counts.mean():.1f} at a time")
     help = "drive where there are doors, shelves, corners: vertical edges within a few metres, on all sides"
     if middle < FEWEST_LINES:
         return stops(fact, "fewer than three lines say nothing of the camera's place", help)
@@ -107,6 +110,8 @@ def lines(evidence: Evidence) -> Finding:
 
 
 def spread(evidence: Evidence) -> Finding:
+    if not evidence.seen.images:
+        return unchecked("no camera: not all lines are told at one time")
     gaps = [_widest_gap(_still(frame)) for frame in evidence.seen.bearings]
     gap = float(np.degrees(np.median(gaps)))
     fact = f"the widest direction without a line is {gap:.0f} deg"

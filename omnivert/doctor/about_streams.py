@@ -27,13 +27,13 @@ def frames(evidence: Evidence) -> Finding:
     expected = camera.frame_rate_hz if evidence.configured and evidence.seen.images else None
     rate = f"{stream.rate_hz:.1f} Hz" + (f" of {expected:.1f} expected" if expected else "")
     fact = f"{what}: {rate}, longest gap {1e3 * stream.longest_gap_s:.0f} ms, {_lost(stream)}"
-    if stream.rate_hz < SLOWEST_HZ:
+    if evidence.seen.images and stream.rate_hz < SLOWEST_HZ:
         help = f"set camera.frame_rate_hz, which is {camera.frame_rate_hz:g}, and lower the exposure"
         return stops(fact, "lines are not followed from frame to frame", help)
     if expected and stream.rate_hz < FAR_TOO_SLOW * expected:
         reason = "dim light makes cameras slower, and so does a crowded USB bus"
         return worse(fact, reason, "give more light, or set camera.frame_rate_hz to what the camera does")
-    if stream.missing > MISSING:
+    if evidence.seen.images and stream.missing > MISSING:
         reason = f"{100.0 * stream.missing:.0f} % of them are missing between the others"
         return worse(fact, reason, "look at the cable, and at what else the USB bus carries")
     return fine(fact)
@@ -47,8 +47,8 @@ def ticks(evidence: Evidence) -> Finding:
     if stream.repeated > REPEATED * stream.count:
         reason = f"{stream.repeated} of {stream.count} stamps are not after the one before"
         return stops(fact, reason, "look at the time that the encoder board sends: deploy/encoder-protocol.md")
-    if stream.longest_gap_s > encoder.max_gap_s:
-        reason = f"in a gap above encoder.max_gap_s = {encoder.max_gap_s:g} s the way is unknown, and lines begin anew"
+    if evidence.seen.blind_s > encoder.max_gap_s:
+        reason = f"the wheels turned in a gap above encoder.max_gap_s = {encoder.max_gap_s:g} s: its way is unknown"
         return worse(fact, reason, "let the encoder board send every 20 ms, and look at its cable")
     if stream.rate_hz < evidence.seen.frames.rate_hz:
         reason = "there are fewer of them than frames: the way between is guessed"
@@ -69,14 +69,16 @@ def clock(evidence: Evidence) -> Finding:
             f"frames {1e-9 * first:.1f} to {1e-9 * last:.1f} s, wheel counts {1e-9 * begin:.1f} to {1e-9 * end:.1f} s"
         )
         return stops(f"{inside} of {one.count} frames lie between wheel counts", f"two clocks: {spans}", help)
-    jumps, others = one.jumps(), other.jumps()
-    alone = [jump for jump in jumps if not any(abs(jump[0] - j[0]) < 1e9 * TOGETHER_S for j in others)]
-    alone += [jump for jump in others if not any(abs(jump[0] - j[0]) < 1e9 * TOGETHER_S for j in jumps)]
+    jumps, others = one.jumps() if evidence.seen.images else [], other.jumps()
+    alone = [(*jump, "the camera's stamps") for jump in jumps if _is_alone(jump, others)]
+    alone += [(*jump, "the wheel counts' stamps") for jump in others if _is_alone(jump, jumps)]
     start = min(first, begin)
-    if alone:
-        at, size = alone[0]
-        fact = f"one sensor's stamps jump by {size:.0f} s at {1e-9 * (at - start):.1f} s, the other's do not"
-        return stops(fact, "one clock was set, or one sensor was away for so long", help)
+    if alone and evidence.seen.images:
+        at, size, whose = alone[0]
+        fact = f"{whose} jump by {size:.0f} s at {1e-9 * (at - start):.1f} s, the other sensor's do not"
+        if abs(last - end) < 1e9 * TOGETHER_S:
+            return worse(fact, "one sensor was away for so long", "look at its cable")
+        return stops(fact, "one clock was set, or one sensor ended early", help)
     if jumps:
         at, size = jumps[0]
         fact = f"all stamps jump by {size:.0f} s at {1e-9 * (at - start):.1f} s"
@@ -99,6 +101,10 @@ def _live_clock(evidence: Evidence, one: Stream, other: Stream, age_s: float, ot
     if steps:
         return worse(f"stamps jump by {steps[0]:+.1f} s", "a clock is being set while the robot drives", help)
     return fine(f"one clock; frames are {1e3 * age_s:.0f} ms old, wheel counts {1e3 * other_age_s:.0f} ms")
+
+
+def _is_alone(jump: tuple[int, float], others: list[tuple[int, float]]) -> bool:
+    return not any(abs(jump[0] - other[0]) < 1e9 * TOGETHER_S for other in others)
 
 
 def _lost(stream: Stream) -> str:

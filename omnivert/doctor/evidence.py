@@ -11,6 +11,8 @@ from omnivert.doctor.turning import Turning, WheelWay, turning, turns_seen
 from omnivert.errors import OmnivertError
 from omnivert.messages import Bearings, Correction, Health, State, Ticks
 
+TURNED_M = 0.01  # a wheel that went farther between two counts has turned
+
 
 @dataclass(frozen=True, slots=True)
 class Host:
@@ -107,7 +109,8 @@ class Told:
 class Seen:
     """What the sensors told, and what the vision made of it.
 
-    images  the lines come from a camera; else from another sensor of bearings
+    images   the lines come from a camera; else from another sensor of bearings, which tells when it sees something
+    blind_s  the longest silence of the wheel counts in which the wheels turned
     """
 
     frames: Stream = NOTHING
@@ -115,6 +118,7 @@ class Seen:
     bearings: tuple[Bearings, ...] = ()
     images: bool = True
     turning: Turning | None = None
+    blind_s: float = 0.0
 
     @classmethod
     def of(
@@ -128,7 +132,7 @@ class Seen:
         lines = sorted(bearings, key=lambda frame: frame.stamp_ns)
         way = wheel_way(ticks[1], config.encoder.metres_per_tick)
         found = turning(turns_seen(lines), way, config.robot.wheel_base_m)
-        return cls(frames, ticks[0], tuple(lines), images, found)
+        return cls(frames, ticks[0], tuple(lines), images, found, _blind(way))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,6 +155,11 @@ class Evidence:
     camera: Device | None = None
     keeping: Keeping | None = None  # None: of another machine
     pushed: Pushed | None = None
+
+
+def _blind(way: WheelWay) -> float:
+    turned = (np.abs(np.diff(way.right_m)) > TURNED_M) | (np.abs(np.diff(way.left_m)) > TURNED_M)
+    return float(np.diff(way.time_s)[turned].max(initial=0.0))
 
 
 def wheel_way(ticks: list[Ticks], metres_per_tick: float) -> WheelWay:

@@ -48,7 +48,8 @@ def recorded(recording: Recording, config: Config, source: str, moved: Callable[
 def told(config: Config, seen: Seen, ticks: list[Ticks]) -> Told | None:
     """What the calibration can make of the drive; None where it has nothing to work on, or a wrong wiring is known."""
     turning = seen.turning
-    if turning is None or (turning.wirings and Wiring.AS_CONFIGURED not in turning.wirings):
+    wrong = turning is not None and turning.wirings and Wiring.AS_CONFIGURED not in turning.wirings
+    if wrong or not ticks or not seen.bearings:
         return None
     outcome = solved(config, seen.bearings, ticks)
     return judged(outcome, config.calibration)

@@ -40,7 +40,7 @@ class Line:
 class Report:
     """The findings of one look at a robot or a recording."""
 
-    title: str
+    title: tuple[str, ...]
     checks: tuple[Checked, ...]
 
     @classmethod
@@ -49,7 +49,7 @@ class Report:
         about = f"robot {evidence.config.robot.id}"
         place = evidence.source or "no configuration named"
         parts = (f"omnivert {__version__}", f"Python {host.python}", host.system, about, place)
-        return cls(" · ".join(parts), tuple(checks))
+        return cls(parts, tuple(checks))
 
     @property
     def first(self) -> Checked | None:
@@ -65,7 +65,7 @@ class Report:
 
     def lines(self, columns: int) -> Iterator[Line]:
         """Title, one line or more for each check, and the sum of it all."""
-        yield from (_whole(part) for part in textwrap.wrap(self.title, columns))
+        yield from map(_whole, _joined(self.title, columns))
         yield _whole("")
         group = ""
         width = max(columns - GROUP_COLUMNS - MARK_COLUMNS, 20)
@@ -109,7 +109,7 @@ class Report:
     def json(self) -> dict[str, Any]:
         return {
             "omnivert": __version__,
-            "title": self.title,
+            "title": " · ".join(self.title),
             "healthy": self.first is None,
             "first": None if self.first is None else self.first.name,
             "stops": self.named(Status.STOPS),
@@ -141,6 +141,17 @@ def _wrapped(text: str, width: int, indent: str, first: str = "") -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
+
+
+def _joined(parts: tuple[str, ...], columns: int) -> list[str]:
+    """As many parts on a line as it holds."""
+    lines = [parts[0]]
+    for part in parts[1:]:
+        if len(lines[-1]) + len(part) + 3 <= columns:
+            lines[-1] += f" · {part}"
+        else:
+            lines.append(part)
+    return lines
 
 
 def _whole(text: str) -> Line:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LONGEST_S = 1.0  # between two frames whose lines are compared
-FEWEST_LINES = 3
+FEWEST_LINES = 5  # of fewer the median says little: near ones pull it along
 FLOOR_RAD = 0.001  # no turn is seen better
 FEWEST_PAIRS = 6
 ENOUGH_RAD = np.deg2rad(20.0)  # of turn, or of what one reversed wheel makes of a straight way

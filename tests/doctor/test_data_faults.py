@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omnivert.cli.app import app
 from omnivert.doctor.finding import Finding, Status
 from omnivert.doctor.report import Report
+from omnivert.doctor.stream import Stream
 from omnivert.doctor.table import checked
 from omnivert.messages import Bearings, Looks, MeetingPoint, PixelFormat, Ring, Ticks
 from omnivert.vision.frontend import FrontEnd
@@ -212,3 +213,41 @@ def test_a_robot_at_rest_leaves_all_signs_open(corridor: Told) -> None:
     one = replace(still, bearings=tuple(replace(corridor.bearings[0], stamp_ns=b.stamp_ns) for b in still.bearings))
     names = ("wheels", "sense", "turns", "offset")
     assert {finding(one, name).status for name in names} == {Status.UNCHECKED}
+
+
+def test_a_sensor_of_bearings_that_sees_now_and_then_is_not_blamed_for_it(corridor: Told) -> None:
+    """It tells one or two lines when it sees them, and nothing for seconds."""
+    few = lines(corridor, lambda b: np.arange(b.size) < 2)
+    now_and_then = replace(few, bearings=tuple(b for b in few.bearings if b.stamp_ns % (20 * S) < 10 * S))
+    told = now_and_then.evidence
+    stamps = Stream.recorded([b.stamp_ns for b in now_and_then.bearings])
+    evidence = replace(told, seen=replace(told.seen, images=False, frames=stamps))
+    found = Report.of(evidence, checked(evidence))
+    assert found.first is None, found.first
+    assert {"ring", "mirror", "picture", "spread", "wheels"} <= set(found.named(Status.UNCHECKED))
+
+
+def test_a_camera_that_was_away_for_a_while_makes_it_worse(corridor: Told) -> None:
+    away = replace(corridor, frames=tuple(f for f in corridor.frames if not 10 * S < f.stamp_ns < 20 * S))
+    clock = finding(away, "clock")
+    assert (clock.status, clock.help) == (Status.WORSE, "look at its cable")
+
+
+def test_a_camera_whose_clock_alone_is_set_stops(corridor: Told) -> None:
+    def after(message: Any) -> Any:
+        return replace(message, stamp_ns=message.stamp_ns + (15 * S if message.stamp_ns > 30 * S else 0))
+
+    alone = replace(corridor, frames=tuple(map(after, corridor.frames)), bearings=tuple(map(after, corridor.bearings)))
+    clock = finding(alone, "clock")
+    assert clock.status is Status.STOPS
+    assert clock.fact.startswith("the camera's stamps jump by 15 s")
+
+
+def test_a_silence_of_the_wheel_counts_at_rest_is_no_fault(corridor: Told) -> None:
+    """Some boards send only when something has changed."""
+    last: list[Ticks] = []
+    for t in corridor.ticks:
+        if not last or (t.left, t.right) != (last[-1].left, last[-1].right):
+            last.append(t)
+    still = replace(corridor.ticks[-1], stamp_ns=corridor.ticks[-1].stamp_ns + 3 * S)
+    assert finding(replace(corridor, ticks=(*last, still)), "ticks").status is Status.FINE
