@@ -45,7 +45,7 @@ class Push:
     def __init__(self, config: Config) -> None:
         self._scale = config.encoder.metres_per_tick
         self._base = config.robot.wheel_base_m
-        self._done: list[Movement] = []
+        self._done: list[tuple[Ticks, Ticks]] = []  # where each movement began and ended
         self._rest: Ticks | None = None  # where it stood last
         self._still: Ticks | None = None  # since when it has not moved
         self._bearings: list[Bearings] = []
@@ -57,7 +57,14 @@ class Push:
     @property
     def pushed(self) -> Pushed | None:
         """What has come so far; None before the straight way."""
-        return Pushed(self._done[0], self._done[1] if len(self._done) > 1 else None) if self._done else None
+        if not self._done:
+            return None
+        turns = turns_seen(sorted(self._bearings, key=lambda frame: frame.stamp_ns))  # they come later than the counts
+        straight, *turn = (
+            Movement(*self._ways(since, until), turns.between(1e-9 * since.stamp_ns, 1e-9 * until.stamp_ns))
+            for since, until in self._done
+        )
+        return Pushed(straight, turn[0] if turn else None)
 
     def step(self, message: Ticks | Bearings) -> None:
         if isinstance(message, Bearings):
@@ -76,9 +83,8 @@ class Push:
             return
         right, left = self._ways(self._rest, ticks)
         if self._is_enough(right, left):
-            self._done.append(Movement(right, left, self._turned(self._rest, ticks)))
+            self._done.append((self._rest, ticks))
             self._rest = ticks
-            self._bearings.clear()
         elif max(abs(right), abs(left)) <= REST_M:
             self._rest = ticks
 
@@ -90,7 +96,3 @@ class Push:
         if self.stage is Stage.STRAIGHT:
             return max(abs(right), abs(left)) >= ENOUGH_M
         return max(abs(right - left), abs(right + left)) / self._base >= ENOUGH_RAD
-
-    def _turned(self, since: Ticks, until: Ticks) -> float:
-        turns = turns_seen(self._bearings)
-        return turns.between(1e-9 * since.stamp_ns, 1e-9 * until.stamp_ns)

@@ -7,8 +7,11 @@ import json
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +20,13 @@ import pytest
 from omnivert.cli.app import run
 from omnivert.cli.settings import opened, recording_path
 from omnivert.config import Config, load, parsed
-from omnivert.messages import Estimate
+from omnivert.doctor.live import Robot, live
+from omnivert.doctor.pushed import Push, Stage
+from omnivert.messages import Estimate, Ticks
 from omnivert.wire.bus import Bus, Router
-from omnivert.wire.channels import ESTIMATE, HEALTH
+from omnivert.wire.channels import BEARINGS, ESTIMATE, HEALTH, TICKS
 from tests.doctor.devices_here import pictures, sending, settings
+from tests.doctor.test_pushed import messages
 
 DEADLINE_S = 60.0
 Doctor = Callable[..., dict[str, Any]]
@@ -137,6 +143,54 @@ def test_a_port_that_is_missing_comes_before_the_router(folder: Path, doctor: Do
     tables["bus"] = {"endpoint": f"unixsock-stream/{folder / 'bus'}"}
     found = doctor("--config", written(folder, parsed(tables, "the test")))
     assert found["first"] == "encoder-device"
+
+
+def test_a_push_is_heard_on_the_bus(folder: Path) -> None:
+    """Straight on, a rest, a turn: as fast as the bus brings it, for a push goes by the stamps."""
+    config = parsed({"bus": {"endpoint": f"unixsock-stream/{folder / 'bus'}"}}, "the test")
+    stages: list[Stage] = []
+    with Router(config), Bus(config, "bridge", "front") as bridge:
+
+        def push() -> None:
+            bridge.await_presence(lambda: "doctor" in dict(bridge.present()), DEADLINE_S)
+            for message in messages(left=-1.0):
+                bridge.publish(TICKS if isinstance(message, Ticks) else BEARINGS, message)
+
+        person = threading.Thread(target=push)
+        person.start()
+        watch = Push(config)
+        robot = Robot(config, "robot.json", is_local=True)
+        pushed = live(robot, DEADLINE_S, watch, lambda stage, _: stages.append(stage or Stage.DONE)).pushed
+        person.join()
+    assert list(dict.fromkeys(stages)) == [Stage.STRAIGHT, Stage.TURN]
+    assert pushed is not None
+    assert pushed.turn is not None
+    assert (pushed.straight.right_m, pushed.straight.left_m) == pytest.approx((1.0, -1.0), abs=0.01)
+    assert pushed.turn.picture_rad == pytest.approx(1.5, abs=0.02)
+
+
+def test_two_that_publish_one_stream_at_once_are_seen_also_without_a_name(folder: Path, doctor: Doctor) -> None:
+    config = parsed({"bus": {"endpoint": f"unixsock-stream/{folder / 'bus'}"}}, "the test")
+    file, others = written(folder, config), ("vision", "calibration", "storage")
+    with Router(config), ExitStack() as stack:
+        for name in others:
+            stack.enter_context(Bus(config, name, "front")).ready()
+        first, second = (stack.enter_context(Bus(config, name, "front")) for name in ("bridge", "stranger"))
+        stop = threading.Event()
+
+        def both() -> None:
+            for number in count():
+                if stop.wait(0.02):
+                    return
+                (first, second)[number % 2].publish(TICKS, Ticks(time.monotonic_ns(), number, number))
+
+        talk = threading.Thread(target=both)
+        talk.start()
+        found = doctor("--config", file, "--seconds", "1")
+        stop.set()
+        talk.join()
+    assert found["first"] == "publishers"
+    assert "2 processes publish the encoder's stream" in str(found["checks"])
 
 
 def test_a_service_that_is_there_and_silent_is_frozen(folder: Path, doctor: Doctor) -> None:

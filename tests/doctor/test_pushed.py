@@ -1,5 +1,6 @@
 """A robot is pushed straight and turned left; each wrong sign is told by itself."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -26,11 +27,10 @@ def motion(turn_rad: float = 1.5) -> list[tuple[float, float]]:
     return [*rest, *([(0.5, 0.0)] * part), *rest, *([(0.0, 0.5 * turn_rad)] * part), *rest]
 
 
-def pushed(
+def messages(
     right: float = 1.0, left: float = 1.0, swapped: bool = False, bearing: float = 1.0, turn_rad: float = 1.5
-) -> Push:
-    """The steppers of what wheels (factors on their counts) and picture (sense of its bearings) tell."""
-    push = Push(CONFIG)
+) -> Iterator[Bearings | Ticks]:
+    """What wheels (factors on their counts) and picture (sense of its bearings) tell of a push."""
     way = heading = 0.0
     at = np.linspace(-3.0, 3.0, 9)
     for k, (speed, rate) in enumerate(motion(turn_rad)):
@@ -41,8 +41,17 @@ def pushed(
         stamp = round(k * STEP_S * S)
         seen = np.asarray(wrap(bearing * (at - heading)))
         rest = np.full(9, 1e-3), np.full(9, 3, np.int32), np.full(9, 0.5, np.float32)
-        push.step(Bearings(stamp, np.arange(9), seen, *rest))
-        push.step(Ticks(stamp, left=counts[1], right=counts[0]))
+        yield Bearings(stamp, np.arange(9), seen, *rest)
+        yield Ticks(stamp, left=counts[1], right=counts[0])
+
+
+def pushed(
+    right: float = 1.0, left: float = 1.0, swapped: bool = False, bearing: float = 1.0, turn_rad: float = 1.5
+) -> Push:
+    """The stepper that has taken them all."""
+    push = Push(CONFIG)
+    for message in messages(right, left, swapped, bearing, turn_rad):
+        push.step(message)
     return push
 
 
