@@ -1,7 +1,5 @@
 """Checks of the bus: is there a router, who is alive, who speaks with two voices, who is too slow."""
 
-from collections import Counter
-
 from omnivert.doctor.evidence import Evidence
 from omnivert.doctor.finding import Finding, fine, stops, unchecked, worse
 from omnivert.messages import Health
@@ -42,20 +40,19 @@ def services(evidence: Evidence) -> Finding:
 
 
 def publishers(evidence: Evidence) -> Finding:
-    """One voice for each stream."""
-    bus, seen = evidence.bus, evidence.seen
-    count = Counter(service.name for service in bus.services if service.present)
-    twice = [name for name in ONLY_ONE if count[name] > 1]
-    reason = "two drives, or two results, are mixed into one"
-    if twice:
-        who = [f"{s.name} {s.instance}" for s in bus.of(*twice)]
-        return stops(f"{count[twice[0]]} of {twice[0]} run: {', '.join(who)}", reason, f"end all {twice[0]} but one")
-    if count["bridge"] and count["player"]:
+    """One voice for each stream. Cameras have streams of their own, so several of a service may be right."""
+    bus = evidence.bus
+    reason, help = (
+        "two drives, or two results, are mixed into one",
+        "end all but one: omnivert monitor shows who is there",
+    )
+    if twice := [name for name in ONLY_ONE if name in bus.twice]:
+        return stops(f"more than one {' and '.join(twice)} run under one name", reason, help)
+    if bus.of("bridge") and bus.of("player"):
         return stops("bridge and player both run", reason, "end the player, or omnivert up --play REC")
-    for name, stream in (("camera", seen.frames), ("encoder", seen.ticks)):
-        if stream.publishers > 1:
-            fact = f"{stream.publishers} processes publish the {name}'s stream"
-            return stops(fact, reason, "omnivert monitor   # shows who is there; end all but one")
+    for whose, count in bus.voices.items():
+        if count > 1:
+            return stops(f"{count} processes publish the {whose}'s stream", reason, help)
     return fine("each stream has one publisher")
 
 

@@ -73,6 +73,8 @@ class OnBus:
     """What the bus brought.
 
     refusal    why there is no bus; None when there is
+    twice      services of which more than one process runs under one name
+    voices     processes that publish at the same time, by whose stream it is
     seconds    listened for
     is_here    the services run on this machine
     playing    a recording plays in place of a robot
@@ -81,6 +83,8 @@ class OnBus:
 
     refusal: OmnivertError | None = None
     services: tuple[Service, ...] = ()
+    twice: tuple[str, ...] = ()
+    voices: dict[str, int] = field(default_factory=dict)
     seconds: float = 0.0
     is_here: bool = True
     playing: bool = False

@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -13,12 +14,13 @@ from omnivert.doctor.evidence import Device, Evidence, OnBus, Seen, Service, Tol
 from omnivert.doctor.pushed import Push, Stage
 from omnivert.doctor.stream import Stream
 from omnivert.errors import DataError
-from omnivert.messages import Bearings, Estimate, Frame, Health, Playback, Ticks
+from omnivert.messages import Bearings, Estimate, Frame, Health, Message, Playback, Ticks
 from omnivert.wire.bus import Bus, Received
 from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME, HEALTH, PLAYBACK, TICKS
 
 PATIENCE_S = 1.0  # for a router
 TURN_S = 0.1
+VOICES: dict[type[Message], str] = {Frame: "camera", Ticks: "encoder", Bearings: "vision", Estimate: "calibration"}
 
 Moved = Callable[[Stage | None, float], None]
 
@@ -46,9 +48,9 @@ class _Arrivals:
     def stream(self) -> Stream:
         lost = sum(max(found) - min(found) + 1 - len(set(found)) for found in self.sequences.values())
         stamps, sent = np.array(self.stamps, dtype=np.int64), np.array(self.sent, dtype=np.int64)
-        return Stream(stamps, sent, lost, self._at_once())
+        return Stream(stamps, sent, lost)
 
-    def _at_once(self) -> int:
+    def at_once(self) -> int:
         """Publishers that spoke at the same time; one that comes after another has been started anew."""
         spans = sorted(self.spans.values())
         return max((sum(begin <= other <= end for begin, end in spans) for other, _ in spans), default=1)
@@ -64,17 +66,17 @@ class Ears:
         self.playback: Playback | None = None
         self.is_here = True
         self.replayed = False
-        self._frames, self._encoder = _Arrivals(), _Arrivals()
+        self._of = {name: _Arrivals() for name in VOICES.values()}
         self._health: dict[tuple[str, str], list[Health]] = {}
 
     def step(self, received: Received) -> None:
         self.is_here &= received.same_clock
+        if (whose := VOICES.get(type(received.message))) is not None:
+            self._of[whose].add(received)
         match received.message:
             case Frame():
-                self._frames.add(received)
                 self.replayed |= received.replay
             case Ticks() as ticks:
-                self._encoder.add(received)
                 self.ticks.append(ticks)
                 self.replayed |= received.replay
             case Bearings() as bearings:
@@ -87,8 +89,11 @@ class Ears:
                 self._health.setdefault((health.service, health.instance), []).append(health)
 
     def seen(self, config: Config) -> Seen:
-        ticks = (self._encoder.stream(), self.ticks)
-        return Seen.of(config, self._frames.stream(), ticks, self.bearings)
+        ticks = (self._of["encoder"].stream(), self.ticks)
+        return Seen.of(config, self._of["camera"].stream(), ticks, self.bearings)
+
+    def voices(self) -> dict[str, int]:
+        return {name: arrivals.at_once() for name, arrivals in self._of.items()}
 
     def services(self, present: frozenset[tuple[str, str]]) -> tuple[Service, ...]:
         found = []
@@ -130,7 +135,7 @@ def live(robot: Robot, seconds: float, push: Push | None, moved: Moved) -> Evide
     raises  Interrupted when a signal came
     """
     config, refusal = robot.config, robot.refusal
-    ears, present = Ears(), frozenset[tuple[str, str]]()
+    ears, present, twice = Ears(), frozenset[tuple[str, str]](), list[str]()
     began = time.monotonic()
     try:
         if refusal is not None:
@@ -138,6 +143,8 @@ def live(robot: Robot, seconds: float, push: Push | None, moved: Moved) -> Evide
         with Bus(config, "doctor", f"d{os.getpid()}", PATIENCE_S) as bus:
             _listen(bus, ears, seconds, push, moved)
             present = bus.present()
+            names = Counter(name for name, _ in present)
+            twice = [name for name in sorted(names) if len(bus.incarnations(name)) > names[name]]
             if bus.stopped:
                 raise Interrupted
     except DataError as error:
@@ -147,6 +154,8 @@ def live(robot: Robot, seconds: float, push: Push | None, moved: Moved) -> Evide
     on_bus = OnBus(
         refusal=refusal,
         services=ears.services(present),
+        twice=tuple(twice),
+        voices=ears.voices(),
         seconds=time.monotonic() - began,
         is_here=here,
         playing=ears.replayed or bool({"player"} & {name for name, _ in present}),

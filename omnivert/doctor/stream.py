@@ -17,13 +17,11 @@ class Stream:
     stamp_ns    (N,)  of the sensor
     sent_ns     (N,)  when it was published, on the publisher's monotonic clock; of a recording (0,)
     lost        messages between these that did not arrive, by their sequence numbers
-    publishers  processes that they come from
     """
 
     stamp_ns: Int
     sent_ns: Int
     lost: int = 0
-    publishers: int = 1
 
     @classmethod
     def recorded(cls, stamps_ns: Sequence[int]) -> "Stream":
