@@ -10,7 +10,7 @@ from rich.text import Text
 
 from omnivert.cli import say
 from omnivert.cli.outputs import check_outputs
-from omnivert.cli.settings import ConfigOption, ConnectOption, JsonOption, RobotOption, opened, rig_of, settings, title
+from omnivert.cli.settings import ConfigOption, ConnectOption, JsonOption, RobotOption, opened, rig_of, settings
 from omnivert.cli.whom import meant
 from omnivert.errors import DataError, UseError
 
@@ -103,7 +103,7 @@ def _of_recording(name: str, config: Path | None, bundle: Path | None) -> "Evide
     check_outputs({"recording": source.path, "configuration": config}, {"--bundle": bundle})
     rig = rig_of(source, chosen)
     with say.progress("looking", count(source, FRAME) or None) as bar:
-        return recorded(source, rig, title(name), bar.step)
+        return recorded(source, rig, name, bar.step)
 
 
 def _of_robot(config: Path | None, robot: str | None, connect: str | None, push: bool, seconds: float) -> "Evidence":

@@ -42,12 +42,12 @@ def ring(evidence: Evidence) -> Finding:
         common = _reasons(watched)
         dark = next((reason for reason in common if "is black" in reason or "is white" in reason), "")
         said = f"[ring] has centre ({u:g}, {v:g}), r_max_px {told.r_max_px:g}"
-        draw = (
-            "omnivert track REC --draw DIR"
-            if not evidence.recording
-            else f"omnivert track {evidence.source} --draw DIR"
+        find = (
+            f"omnivert setup ring {evidence.source}"
+            if evidence.recording
+            else "omnivert setup ring, without the bridge"
         )
-        help = _cure(dark) if dark else f"measure [ring] in a picture: {draw} shows it dashed"
+        help = _cure(dark) if dark else f"{find}: finds centre and radii"
         return stops(f"ring found in {len(found)} of {len(watched)} frames", dark or said, help)
     u, v, radius = (
         _median(ring, name) for ring, name in ((found, n) for n in ("center_u_px", "center_v_px", "radius_px"))

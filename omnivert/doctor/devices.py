@@ -13,7 +13,7 @@ import cv2
 
 from omnivert.config import Camera, Config, Encoder
 from omnivert.doctor.evidence import Device, Service
-from omnivert.drivers.camera import camera_events, can_wait
+from omnivert.drivers.camera import Described, camera_events, can_wait
 from omnivert.drivers.device import Finished, Lost, Refused
 from omnivert.drivers.encoder import EncoderLine
 from omnivert.drivers.serial_line import pieces
@@ -23,6 +23,7 @@ from omnivert.pictures.notes import is_harmless, todo
 LISTEN_S = 2.5  # a board that starts anew when its port is opened takes two seconds
 ENOUGH_TICKS = 20
 ENOUGH_FRAMES = 10
+FACTS = {"camera": "camera: stamped by", "encoder": "clock of the encoder"}  # how the bridge's notes of them begin
 _PROCESSES = Path("/proc")
 
 
@@ -58,7 +59,8 @@ def as_the_bridge_tells(what: str, place: str, bridge: Service) -> Device:
         return Device(f"{place} is the bridge's, which has not said anything yet", known=False)
     told = [note for note in health.notes if note.startswith(f"{what}: ") and not is_harmless(note)]
     if not told:
-        return Device(f"{place}: the bridge reads it")
+        facts = [note.removeprefix(f"{what}: ") for note in health.notes if note.startswith(FACTS[what])]
+        return Device(f"{place}: {'; '.join(['the bridge reads it', *facts])}")
     trouble = told[0].removeprefix(f"{what}: ")
     refused = {reason: times for reason, times in health.refused.items() if reason.startswith(f"{what}: ")}
     reason = max(refused, key=lambda reason: refused[reason]).removeprefix(f"{what}: ") if refused else ""
@@ -93,7 +95,7 @@ def encoder(config: Encoder) -> Device:
         return Device(port, f"{port} is open and silent", "not a byte came", "switch the encoder board on")
     reasons = ", ".join(sorted(line.refused, key=lambda reason: -line.refused[reason])[:2])
     because = reasons or "what comes never ends a line"
-    help = f"set encoder.baud, which is {config.baud}; what a line must be: deploy/encoder-protocol.md"
+    help = f"set encoder.protocol, which is {config.protocol}, and encoder.baud, which is {config.baud}"
     return Device(port, f"{port} sends what cannot be read", because, help)
 
 
@@ -106,13 +108,15 @@ def camera(config: Camera) -> Device:
         return wrong
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what is wrong is said below
     frames: deque[Frame] = deque(maxlen=ENOUGH_FRAMES)
-    refused, stop, until_s = "", Event(), time.monotonic() + LISTEN_S
+    said, refused, stop, until_s = "", "", Event(), time.monotonic() + LISTEN_S
     for event in camera_events(config, stop):
         match event:
             case Frame():
                 frames.append(event)
             case Lost(reason):
                 return Device(str(place), f"{place} {reason}", "", "set camera.source to a camera that is there")
+            case Described(facts):
+                said = str(facts)
             case Refused(reason):
                 refused = reason
             case Finished():
@@ -122,13 +126,13 @@ def camera(config: Camera) -> Device:
     if not frames:
         reason = refused or "it opened, but not a picture came"
         return Device(str(place), f"{place} gives no picture", reason, "unplug the camera and plug it in again")
-    return _looks(str(place), frames, config)
+    return _looks(str(place), frames, said, config)
 
 
-def _looks(place: str, frames: deque[Frame], config: Camera) -> Device:
+def _looks(place: str, frames: deque[Frame], said: str, config: Camera) -> Device:
     newest = frames[-1]
     size = f"{newest.width_px} x {newest.height_px}"
-    fact = f"{place}: {size} px {newest.format.value}, {_rate(list(frames))} frames a second"
+    fact = f"{place}: {size} px {newest.format.value}, {_rate(list(frames))} frames a second{said and f', {said}'}"
     if (newest.width_px, newest.height_px) == (config.width_px, config.height_px):
         return Device(fact)
     said = f"{config.width_px} x {config.height_px}"

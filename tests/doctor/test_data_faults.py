@@ -19,7 +19,7 @@ from omnivert.vision.frontend import FrontEnd
 from tests.doctor.conftest import Told
 
 S = 10**9
-COMMANDS = {command.name for command in app.registered_commands}
+COMMANDS = {c.name for c in app.registered_commands} | {group.name for group in app.registered_groups}
 
 
 def report(told: Told) -> Report:
@@ -127,7 +127,7 @@ FAULTS: dict[str, tuple[str, Callable[[Told], Told], str]] = {  # what -> first 
     "encoder with gaps": ("ticks", pausing, "every 20 ms"),
     "two clocks": ("clock", lambda d: later(d, 1e6), "one monotonic clock"),
     "clock set meanwhile": ("clock", clock_set, "one monotonic clock"),
-    "ring not in the picture": ("ring", lambda d: seen_with(d, r_max_px=120.0, r_min_px=40.0), "--draw"),
+    "ring not in the picture": ("ring", lambda d: seen_with(d, r_max_px=120.0, r_min_px=40.0), "omnivert setup ring"),
     "ring elsewhere": ("ring", lambda d: seen_with(d, center_px=[381.0, 239.0]), "center_px = [32"),
     "camera covered": ("ring", dark, "uncover"),
     "rim not round": ("mirror", lambda d: rings(d, lambda r: replace(r, quality=0.45)), "wipe the mirror"),

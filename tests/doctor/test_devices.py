@@ -43,7 +43,7 @@ def test_a_board_that_speaks_in_another_baud_rate(tmp_path: Path) -> None:
     with sending(tmp_path / "tty", lambda k: bytes([k % 7 + 128]) * 20 + b"\n") as port:
         found = devices.encoder(config(port, tmp_path).encoder)
     assert found.trouble == f"{port} sends what cannot be read"
-    assert "encoder.baud, which is 115200" in found.help
+    assert "encoder.protocol, which is omnivert, and encoder.baud, which is 115200" in found.help
 
 
 def test_a_board_that_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,6 +108,8 @@ def test_what_the_bridge_says_of_its_devices_is_believed() -> None:
     assert (found.trouble, found.reason) == (silent.removeprefix("encoder: "), "checksum differs")
     assert not told("encoder", bridge("camera: 0 does not open")).trouble
     assert not told("camera", bridge("camera: source finished")).trouble
+    stamped = told("camera", bridge("camera: stamped by the kernel's driver, 15 Hz"), "0")
+    assert (stamped.trouble, stamped.fact) == ("", "0: the bridge reads it; stamped by the kernel's driver, 15 Hz")
     size = "camera: frames have 800 x 600 pixels, the configuration says 640 x 480"
     assert told("camera", bridge(size), "0").help.startswith("set camera.width_px = 800 and camera.height_px = 600")
     assert not devices.as_the_bridge_tells("camera", "0", Service("bridge", "front", True)).known
