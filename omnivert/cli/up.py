@@ -86,8 +86,15 @@ def up(
         except KeyboardInterrupt:
             pass
     troubles.check()
-    saved = f"; recording in {record}" if record is not None else ""
+    saved = f"; recording in {_files(record, chosen)}" if record is not None else ""
     say.story(f"stopped; {escape(before.told(chosen, troubles.unresolved('storage')))}{saved}")
+
+
+def _files(record: Path, config: Config) -> str:
+    """Where the recorder has written: with a limit into files with numbers."""
+    from services._parts import is_split
+
+    return f"{record.with_name(f'{record.stem}-001{record.suffix}')} and on" if is_split(config) else str(record)
 
 
 def _check(
