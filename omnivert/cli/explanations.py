@@ -253,19 +253,6 @@ EXPLANATIONS: dict[str, Explanation] = {
         "The output could not be written: the folder does not exist, is read-only, or the disk is full.",
         "Choose another place.",
     ),
-    "OV330": Explanation(
-        "not_one_drive",
-        "omnivert rec merge makes one recording of several that follow each other: parts of one that was split or "
-        "cut. These were made by different rigs, or a sensor was recorded at the same time in both, so that they are "
-        "no one drive: two robots, two cameras, or a part that is there twice.",
-        "omnivert rec info shows rig and times of each; omnivert rec cut takes a part of one.",
-    ),
-    "OV331": Explanation(
-        "not_exported",
-        "The recording holds neither images nor bearings under the names of its own rig, so there is no folder format "
-        "for it; or the folder could not be written: its place does not exist, is read-only, or the disk is full.",
-        "omnivert rec info shows what it holds; choose another place for -o.",
-    ),
     **EXCHANGE,
     # 4: the bus and the services on it
     "OV401": Explanation(

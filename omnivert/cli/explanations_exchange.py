@@ -1,8 +1,21 @@
-"""What the refusals of bags of ROS and files for Foxglove mean."""
+"""What the refusals mean of recordings that are merged or exported, of bags of ROS and of files for Foxglove."""
 
 from omnivert.cli.explanation import Explanation
 
 EXCHANGE = {
+    "OV312": Explanation(
+        "not_one_drive",
+        "omnivert rec merge makes one recording of several that follow each other: parts of one that was split or "
+        "cut. These were made by different rigs, or a sensor was recorded at the same time in both, so that they are "
+        "no one drive: two robots, two cameras, or a part that is there twice.",
+        "omnivert rec info shows rig and times of each; omnivert rec cut takes a part of one.",
+    ),
+    "OV313": Explanation(
+        "not_exported",
+        "The recording holds neither images nor bearings under the names of its own rig, so there is no folder format "
+        "for it; or the folder could not be written: its place does not exist, is read-only, or the disk is full.",
+        "omnivert rec info shows what it holds; choose another place for -o.",
+    ),
     "OV330": Explanation(
         "extra_missing",
         "Bags of ROS are read and written by the library rosbags, files for Foxglove by foxglove-sdk. Who calibrates "

@@ -179,5 +179,5 @@ def _image(frame: Frame) -> bytes:
     done, data = cv2.imencode(".png", frame.data.reshape(frame.height_px, frame.width_px, *planes), _QUICK)
     if not done:
         what = f"a frame of {frame.width_px} x {frame.height_px} pixels does not become a PNG"
-        raise DataError("OV331", what, "", "omnivert explain OV331")
+        raise DataError("OV313", what, "", "omnivert explain OV313")
     return data.tobytes()

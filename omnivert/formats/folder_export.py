@@ -59,7 +59,7 @@ def export(recording: Recording, out: Path, progress: Progress = lambda done, of
     images = FRAME.key(config) in recording.counts
     if not images and BEARINGS.key(config) not in recording.counts:
         because = f"only {', '.join(sorted(recording.counts))}"
-        raise DataError("OV331", f"{recording.path} holds neither images nor bearings of its camera", because)
+        raise DataError("OV313", f"{recording.path} holds neither images nor bearings of its camera", because)
     begun = hidden_beside(out)
     try:
         shutil.rmtree(begun, ignore_errors=True)
@@ -68,7 +68,7 @@ def export(recording: Recording, out: Path, progress: Progress = lambda done, of
         exported.notes += _attached(recording, begun)
         begun.replace(out)
     except OSError as error:
-        raise DataError("OV331", f"cannot write {out}", error.strerror or str(error)) from error
+        raise DataError("OV313", f"cannot write {out}", error.strerror or str(error)) from error
     finally:
         shutil.rmtree(begun, ignore_errors=True)
     try:

@@ -110,7 +110,7 @@ def _hold_alike(first: Recording, other: Recording) -> None:
     differ = [f"{table}.{key}" for table, keys in ours.items() for key in keys if keys[key] != theirs[table][key]]
     if differ:
         what = f"{first.path} and {other.path} are not of one rig"
-        raise DataError("OV330", what, f"they differ in {', '.join(differ)}", "omnivert explain OV330")
+        raise DataError("OV312", what, f"they differ in {', '.join(differ)}", "omnivert explain OV312")
 
 
 def _hold_apart(earlier: Recording, later: Recording) -> None:
@@ -121,7 +121,7 @@ def _hold_apart(earlier: Recording, later: Recording) -> None:
         if channel is not None and channel.message in _SENSORS and over_ns >= 0:
             what = f"{earlier.path} and {later.path} overlap"
             because = f"{key} of the first goes on for {over_ns * 1e-9:.3f} s when that of the second has begun"
-            raise DataError("OV330", what, because, "omnivert rec cut takes a part of one")
+            raise DataError("OV312", what, because, "omnivert rec cut takes a part of one")
 
 
 def _of_frames(table: bytes, first: int, count: int) -> bytes:

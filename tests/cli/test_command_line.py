@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from omnivert.cli import explanations
 from omnivert.cli.show_config import annotated
 from omnivert.config import Config, parsed
 
@@ -251,3 +253,11 @@ def test_a_pipe_gets_no_colours() -> None:
     assert ran.returncode == 2
     assert b"\x1b" not in ran.stdout + ran.stderr
     assert json.loads(ran.stdout)["error"]["code"] == "OV321"
+
+
+def test_no_code_of_a_refusal_means_two_things() -> None:
+    """A second entry of a code would silently take the place of the first."""
+    folder = Path(explanations.__file__).parent
+    texts = "".join(path.read_text(encoding="utf-8") for path in folder.glob("explanations*.py"))
+    codes = re.findall(r'^    "(OV\d+)": Explanation\(', texts, flags=re.MULTILINE)
+    assert sorted(codes) == sorted(explanations.EXPLANATIONS)

@@ -90,7 +90,7 @@ def test_cut_and_merge_go_there_and_back(omnivert: Any, straight: Path, tmp_path
     assert merged["messages"] == dict(Recording(straight).counts)
     assert list(Recording(whole).entries()) == list(Recording(straight).entries())
     again = omnivert("rec", "merge", straight, a, "-o", tmp_path / "c.mcap")
-    assert (again.code, "error[OV330]" in again.err, "overlap" in again.err) == (1, True, True)
+    assert (again.code, "error[OV312]" in again.err, "overlap" in again.err) == (1, True, True)
 
 
 @pytest.mark.parametrize(

@@ -265,11 +265,11 @@ def test_what_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(DataError, match="No space left") as refused:
         export(recording, tmp_path / "plain")
-    assert refused.value.code == "OV331"
+    assert refused.value.code == "OV313"
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
 
 
 def test_a_recording_without_images_and_bearings_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="neither images nor bearings") as refused:
         export(written(tmp_path / "a.mcap", [Ticks(1, 2, 3)]), tmp_path / "plain")
-    assert refused.value.code == "OV331"
+    assert refused.value.code == "OV313"
