@@ -62,6 +62,7 @@ ONE_ROOM = {
     "serial": "omnivert/drivers/serial_line.py",
     "tomlkit": "omnivert/cli/config_edit.py",
     "rosbags": "omnivert/formats/rosbag_file.py",
+    "foxglove": "omnivert/formats/foxglove_file.py",
 }
 
 
