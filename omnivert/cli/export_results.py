@@ -10,6 +10,7 @@ from omnivert.cli import say
 from omnivert.cli.given import count
 from omnivert.cli.settings import opened, rig_of, settings
 from omnivert.errors import DataError
+from omnivert.formats import origin
 from omnivert.messages import Bearings, Estimate, Frame, Message, Scan, Ticks
 from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME
 
@@ -74,17 +75,22 @@ def _results(source: "Recording", config: "Config") -> Iterator[Message]:
 
 
 def _origin_ns(source: "Recording") -> int:
-    """Where the clock of the bag that the recording came from has the recording's zero; else 0."""
-    try:
-        return int(json.loads(source.attachment("rosbag.json"))["clock_origin_ns"])
-    except (DataError, ValueError, KeyError, TypeError):
-        return 0  # from no bag
+    """The time of the bag that the recording came from at the recording's zero; else 0."""
+    return origin.origin_ns(_attached(source, origin.ATTACHMENT))
 
 
 def _laser(source: "Recording") -> tuple[float, float, float] | None:
     """x, y, heading of the laser in the robot's frame, where the folder that the recording came from told them."""
     try:
-        told = json.loads(source.attachment("meta.json"))["laser"]
+        told = json.loads(_attached(source, "meta.json"))["laser"]
         return float(told["x"]), float(told["y"]), float(told["yaw"])
-    except (DataError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None
+
+
+def _attached(source: "Recording", name: str) -> bytes:
+    """An attachment; empty where there is none, or it is damaged."""
+    try:
+        return source.attachment(name) if name in source.attachments else b""
+    except DataError:
+        return b""

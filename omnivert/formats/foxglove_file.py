@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -35,13 +37,13 @@ class Stroke:
 class FoxgloveFile:
     """Written message by message; as a context manager it always leaves a finished file.
 
-    raises  OSError when the file cannot be made
+    raises  OSError when the file cannot be made, or not be written any further
     """
 
     def __init__(self, path: Path) -> None:
         self._context = Context()
-        self._file = path.open("xb")  # a file of ours, because its errors come back as they are
-        self._writer = open_mcap(self._file, context=self._context)
+        self._sink = _Sink(path, "xb")
+        self._writer = open_mcap(self._sink, context=self._context)
         self._channels: dict[str, Any] = {}
 
     def image(self, topic: str, frame: Frame) -> None:
@@ -125,9 +127,7 @@ class FoxgloveFile:
 
     def series(self, topic: str, stamp_ns: int, schema: Mapping[str, Any], values: Mapping[str, Any]) -> None:
         """Values by name, to be plotted; the schema is a JSON schema."""
-        if topic not in self._channels:
-            self._channels[topic] = Channel(topic, schema=dict(schema), context=self._context)
-        self._channels[topic].log(dict(values), log_time=stamp_ns)
+        self._log(topic, partial(Channel, schema=dict(schema)), dict(values), stamp_ns)
 
     def __enter__(self) -> Self:
         return self
@@ -135,15 +135,34 @@ class FoxgloveFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
+        with self._sink:
             self._writer.close()
-        finally:
-            self._file.close()
+            self._hold_written()
 
     def _log(self, topic: str, channel: Callable[..., Any], message: Any, stamp_ns: int) -> None:
         if topic not in self._channels:
             self._channels[topic] = channel(topic, context=self._context)
         self._channels[topic].log(message, log_time=stamp_ns)
+        self._hold_written()
+
+    def _hold_written(self) -> None:
+        if self._sink.error is not None:
+            raise self._sink.error
+
+
+class _Sink(FileIO):
+    """A file that keeps its error for whoever asks: the library would print it and go on."""
+
+    error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        left = memoryview(data)
+        try:
+            while left:
+                left = left[super().write(left) :]
+        except OSError as error:
+            self.error = self.error or error
+        return len(data)
 
 
 def layout(image: str, annotations: str, estimate: str) -> str:

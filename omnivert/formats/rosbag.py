@@ -1,7 +1,6 @@
 """A ROS bag -> messages in order of stamp: pictures, the wheels' counts, and laser scans where there are some."""
 
 import heapq
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -12,6 +11,7 @@ from typing import Any
 
 from omnivert.config import Config, with_rig
 from omnivert.errors import DataError, UseError
+from omnivert.formats import origin
 from omnivert.formats.rosbag_file import Bag, Received, Topic
 from omnivert.formats.rosbag_sensors import frame, scan
 from omnivert.formats.rosbag_stamps import InOrder
@@ -22,7 +22,6 @@ from omnivert.formats.wheels import passed_over
 from omnivert.formats.written import Progress
 from omnivert.messages import Frame, Message
 
-ORIGIN = "rosbag.json"  # attachment that says where a recording is from
 _FIRST = 50  # images that the rate is taken from
 _SLOWEST_HZ, _FASTEST_HZ = 1e-3, 1000.0  # rates that a configuration can hold
 
@@ -78,15 +77,16 @@ class RosBag:
 
     def attachments(self) -> Iterator[tuple[str, bytes]]:
         """Where the recording is from, and where its clock has its origin."""
-        told = {
-            "bag": self._bag.path.name,
-            "image_topic": self._streams.image.name,
-            "wheels": [topic.name for topic in self._streams.wheels.topics],
-            "scan_topic": self._streams.scan.name if self._streams.scan is not None else None,
-            "clock_origin_ns": -self.shift_ns,
-            "notes": list(self.notes),
-        }
-        yield ORIGIN, json.dumps(told, indent=2).encode()
+        scan_topic = self._streams.scan.name if self._streams.scan is not None else None
+        told = origin.written(
+            -self.shift_ns,
+            bag=self._bag.path.name,
+            image_topic=self._streams.image.name,
+            wheels=[topic.name for topic in self._streams.wheels.topics],
+            scan_topic=scan_topic,
+            notes=list(self.notes),
+        )
+        yield origin.ATTACHMENT, told
 
     def _step(self, progress: Progress | None) -> Callable[[], None]:
         wheels = sum(topic.count for topic in self._streams.wheels.topics)

@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -36,6 +38,7 @@ from omnivert.messages import (
     Ticks,
 )
 
+PROJECT = Path(__file__).resolve().parents[2]
 RIG = with_rig(Config(), {"camera": {"id": "rear", "bearing_sign": -1}, "ring": {"r_min_px": 60.0}}, "test")
 PIXELS = np.random.default_rng(2).integers(0, 256, (480, 640), np.uint8)
 SPREAD = np.diag([0.02**2, 0.004**2, 0.03**2])
@@ -273,3 +276,24 @@ def test_nothing_is_overwritten_and_nothing_half_written_is_left(tmp_path: Path)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(DataError, match="cannot write"):
         export_foxglove(DRIVE, RIG, tmp_path / "nowhere" / "out.mcap")
+
+
+def test_a_disk_that_is_full_ends_the_export_in_one_line(tmp_path: Path) -> None:
+    """In a process of its own, whose files may not grow beyond 60 kB."""
+    script = """
+import resource, sys
+from pathlib import Path
+from omnivert.config import Config
+from omnivert.errors import DataError
+from omnivert.formats.foxglove_export import export_foxglove
+from tests.formats.test_foxglove_export import raw
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+try:
+    export_foxglove((raw(k) for k in range(100)), Config(), Path(sys.argv[1]))
+except DataError as error:
+    print(error)
+"""
+    command = [sys.executable, "-c", script, str(tmp_path / "out.mcap")]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=PROJECT)
+    assert (ran.stdout, ran.stderr) == (f"cannot write {tmp_path / 'out.mcap'}: File too large\n", "")
+    assert list(tmp_path.iterdir()) == []

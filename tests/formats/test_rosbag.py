@@ -11,7 +11,8 @@ import pytest
 from omnivert.cli.settings import recording_path
 from omnivert.config import Config, with_rig
 from omnivert.formats.frames_import import import_frames
-from omnivert.formats.rosbag import ORIGIN, RosBag
+from omnivert.formats.origin import ATTACHMENT, origin_ns
+from omnivert.formats.rosbag import RosBag
 from omnivert.formats.rosbag_import import import_rosbag
 from omnivert.formats.rosbag_topics import Named
 from omnivert.messages import Frame, Message, Scan, Ticks
@@ -84,7 +85,7 @@ def test_stamps_are_those_of_the_headers_from_an_origin_that_is_told(bag: Path, 
     assert given.shift_ns == -ORIGIN_NS
     assert any("stamps count from 1700000000 s" in note and "2023-11-14 22:13:20 UTC" in note for note in given.notes)
     recording = Recording(tmp_path / "out.mcap")
-    told = json.loads(recording.attachment(ORIGIN))
+    told = json.loads(recording.attachment(ATTACHMENT))
     assert (told["clock_origin_ns"], told["bag"]) == (ORIGIN_NS, bag.name)
     stamps = [message.stamp_ns for _, message in recording.messages()]
     assert stamps == sorted(message.stamp_ns for message in DRIVE)
@@ -129,6 +130,11 @@ def test_of_the_packaged_corridor_every_message_comes_back(tmp_path: Path) -> No
     scans = zip(*([m for m in messages if isinstance(m, Scan)] for messages in (back, drive)), strict=True)
     assert all(np.array_equal(ours.range_m, theirs.range_m) for ours, theirs in scans)  # angles have 32 bits in ROS
     assert Recording(tmp_path / "out.mcap").config(Config()) == corridor.config(Config())
+
+
+@pytest.mark.parametrize("text", [b"", b"{", b"[]", b"{}", b'{"clock_origin_ns": "soon"}', b'{"clock_origin_ns": 1.5}'])
+def test_an_attachment_of_somebody_else_tells_no_origin(text: bytes) -> None:
+    assert origin_ns(text) == 0
 
 
 # ---------------------------------------------------------------- forms of a bag
