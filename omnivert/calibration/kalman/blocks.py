@@ -13,21 +13,17 @@ Index = NDArray[np.int64]
 
 
 @compiled
-def driven(by_state: Array, by_input: Array, noise: Array) -> tuple[Array, Array]:
-    """Slope of the moved state by the state, F, and what spread the motion adds to it, Q.
+def driven(by_input: Array, noise: Array) -> Array:
+    """What spread a motion adds to the state, Q.
 
-    by_state  (Z, 2, 2)  of each line's two by themselves
-    by_input  (Z, 2, U)  by the motion
+    by_input  (Z, 2, U)  slope of each line's two by the motion
     noise     (U, U)     of the motion
-    returns   F, Q (2 Z + 3, 2 Z + 3): the mount stays as it is
+    returns   (2 Z + 3, 2 Z + 3): the mount gets none
     """
     lines, inputs = by_input.shape[0], noise.shape[0]
-    size = 2 * lines + 3
-    f, q = np.zeros((size, size)), np.zeros((size, size))
+    q = np.zeros((2 * lines + 3, 2 * lines + 3))
     spread = np.zeros((2 * lines, inputs))
     for i in range(2 * lines):
-        f[i, i - i % 2] = by_state[i // 2, i % 2, 0]
-        f[i, i - i % 2 + 1] = by_state[i // 2, i % 2, 1]
         for k in range(inputs):
             for u in range(inputs):
                 spread[i, k] += by_input[i // 2, i % 2, u] * noise[u, k]
@@ -38,29 +34,26 @@ def driven(by_state: Array, by_input: Array, noise: Array) -> tuple[Array, Array
                 total += spread[i, k] * by_input[j // 2, j % 2, k]
             q[i, j] = total
             q[j, i] = total
-    for i in range(2 * lines, size):
-        f[i, i] = 1.0
-    return f, q
+    return q
 
 
 @compiled
-def foretold(covariance: Array, slopes: Array, lines: Index, std: Array) -> tuple[Array, Array]:
-    """Slope of some lines' bearings by the whole state, H, and what spread their innovations should have, S.
+def foretold(covariance: Array, slopes: Array, lines: Index, std: Array) -> Array:
+    """What spread the innovations of some lines should have, S = H P H' + R; symmetric to the last digit.
 
     covariance  (M, M)  of the state, P
     slopes      (N, 5)  of the bearings by the line's own two and by phi, rho, psi
     lines       (N,)    which line of the state each one is
     std         (N,)    rad
-    returns     H (N, M), S = H P H' + R (N, N)
+    returns     (N, N)
     """
     size, count = covariance.shape[0], lines.size
     mount = size - 3
-    h, s, hp = np.zeros((count, size)), np.empty((count, count)), np.zeros((count, size))
+    s, hp = np.empty((count, count)), np.zeros((count, size))
     for i in range(count):
         for k in range(5):
             column = 2 * lines[i] + k if k < 2 else mount + k - 2
             slope = slopes[i, k]
-            h[i, column] = slope
             for j in range(size):
                 hp[i, j] += slope * covariance[column, j]
     for i in range(count):
@@ -72,7 +65,29 @@ def foretold(covariance: Array, slopes: Array, lines: Index, std: Array) -> tupl
             s[i, j] = total
             s[j, i] = total
         s[i, i] += std[i] ** 2
-    return h, s
+    return s
+
+
+@compiled
+def evened(matrix: Array) -> Array:
+    """The mean of a matrix (N, N) and its transpose."""
+    out = np.empty(matrix.shape)
+    for i in range(matrix.shape[0]):
+        for j in range(i + 1):
+            mean = 0.5 * (matrix[i, j] + matrix[j, i])
+            out[i, j] = mean
+            out[j, i] = mean
+    return out
+
+
+@compiled
+def picked(matrix: Array, rows: Index) -> Array:
+    """These rows and columns of a matrix (N, N) alone (K, K)."""
+    out = np.empty((rows.size, rows.size))
+    for i in range(rows.size):
+        for j in range(rows.size):
+            out[i, j] = matrix[rows[i], rows[j]]
+    return out
 
 
 @compiled

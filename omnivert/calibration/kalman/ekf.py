@@ -9,10 +9,14 @@ from scipy.linalg import lapack
 
 from omnivert.angles import wrap
 from omnivert.calibration.kalman import blocks, model
+from omnivert.calibration.kalman.structured import Moved, Slopes, Spread
 from omnivert.odometry import Motion
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+
+SWEEP = 32  # updates after which tracks that are gone are swept out: until then they only take room
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +81,17 @@ class Innovation:
     evidence: Evidence | None = None  # None when no line was known
 
 
+class Algebra(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy has no types
+    """filterpy's filter, with a motion model that is not linear: `foreseen` is the state after the motion."""
+
+    def __init__(self) -> None:
+        super().__init__(dim_x=3, dim_z=1)
+        self.foreseen = np.zeros(3)
+
+    def predict_x(self, u: float = 0) -> None:
+        self.x = self.foreseen
+
+
 class Filter:
     """State with covariance, and which track each line is."""
 
@@ -89,7 +104,7 @@ class Filter:
         self._updates = 0
         self._sights: dict[int, tuple[int, int]] = {}  # of each recent track, in the state or not: how many, the last
         self._is_definite = True
-        self._algebra: ExtendedKalmanFilter | None = None
+        self._algebra = Algebra()
         self.follows = False
         self.followed = np.zeros((3, 0))
         """(M, C) what is left in the state of jumps of the mount, three columns each: truth less state for a jump of
@@ -167,17 +182,17 @@ class Filter:
                 distance, heading, right, left, self.rules.base_m
             )
             noise = self.rules.noise_k_m * np.diag(np.abs(motion.wheels_m))  # eq. 31
-        kalman = self._kalman()
-        kalman.F, kalman.Q = blocks.driven(by_state, by_input, noise)
+        x = np.empty(layout.size)
+        x[layout.distance], x[layout.heading], x[layout.mount] = new_distance, new_heading, mount
+        kalman, moved = self._kalman(), Moved(by_state)
+        kalman.foreseen, kalman.F, kalman.Q = x, moved, blocks.driven(by_input, noise)
         kalman.predict()
+        assert kalman.x.shape == self.x.shape
         assert kalman.P.shape == (layout.size, layout.size)
-        self.P = 0.5 * (kalman.P + kalman.P.T)
-        self.x = np.empty(layout.size)
-        self.x[layout.distance] = new_distance
-        self.x[layout.heading] = new_heading
-        self.x[layout.mount] = mount
+        self.x = kalman.x
+        self.P = kalman.P  # symmetric, as F P F' and Q are
         if self.followed.shape[1]:
-            self.followed = kalman.F @ self.followed
+            self.followed = moved.moved(self.followed)
 
     def update(self, track: Index, beta: Array, std: Array) -> Innovation:
         """All lines seen in a frame: known ones correct the state, new ones enter it, lost ones leave.
@@ -225,16 +240,18 @@ class Filter:
     def _count(self, names: list[int]) -> None:
         """Another sight of each; a track that was not seen for some updates is forgotten."""
         self._updates += 1
+        now, sights = self._updates, self._sights
+        oldest = now - 1 - self.rules.unseen
         for name in names:
-            self._sights[name] = (self._sights.get(name, (0, 0))[0] + 1, self._updates)
-        oldest = self._updates - self.rules.unseen
-        if any(last < oldest for _, last in self._sights.values()):
-            self._sights = {name: seen for name, seen in self._sights.items() if seen[1] >= oldest}
+            count, last = sights.get(name, (0, now))
+            sights[name] = (count + 1 if last >= oldest else 1, now)
+        if now % SWEEP == 0:
+            self._sights = {name: seen for name, seen in sights.items() if seen[1] > oldest}
 
     def _correct(self, lines: Index, beta: Array, std: Array) -> tuple[Index, Evidence | None]:
         predicted, slopes = self.expected()
         slopes = slopes[lines]
-        h, spread = blocks.foretold(self.P, slopes, lines, std)
+        spread = blocks.foretold(self.P, slopes, lines, std)
         innovation = model.wrapped(beta - predicted[lines])
         precision = inverse(spread)
         if precision is None:
@@ -245,19 +262,19 @@ class Filter:
             jump = np.zeros((self.layout.size, 3))
             jump[self.layout.mount] = model.polar_by_cartesian(self.x[self.layout.mount])
             self.followed = np.concatenate([self.followed, jump], axis=1)
-        shift = h @ self.followed
+        shift = Slopes(slopes, lines).left_of(self.followed) if self.followed.shape[1] else np.zeros((lines.size, 0))
         evidence = Evidence(age, innovation, precision, shift)
         kept = blocks.agreeing(innovation, precision, self.rules.gate)
         if not kept.size:
             return kept, evidence
-        used, r = h[kept], np.diag(std[kept] ** 2)
+        used, r = Slopes(slopes[kept], lines[kept]), Spread(std[kept] ** 2)
         kalman = self._kalman()
         kalman.update(innovation[kept], HJacobian=lambda _: used, Hx=lambda _: np.zeros(kept.size), R=r)
         assert kalman.x.shape == self.x.shape
         assert kalman.P.shape == self.P.shape
         self.x = kalman.x
         self.x[self.layout.heading] = model.wrapped(self.x[self.layout.heading].copy())
-        self.P = 0.5 * (kalman.P + kalman.P.T)
+        self.P = blocks.evened(kalman.P)
         if self.followed.shape[1]:
             self.followed = self.followed - kalman.K @ shift[kept]
         return kept, evidence
@@ -292,28 +309,29 @@ class Filter:
     def _leave(self) -> None:
         low, high = self.rules.range
         first = self.x[self.layout.distance]
-        self._keep(
-            [k for k in range(len(self.tracks)) if self._unseen[k] <= self.rules.unseen and low <= first[k] <= high]
-        )
+        stays = zip(self._unseen, first.tolist(), strict=True)
+        self._keep([k for k, (unseen, w) in enumerate(stays) if unseen <= self.rules.unseen and low <= w <= high])
 
     def _keep(self, lines: list[int]) -> None:
         if len(lines) == len(self.tracks):
             return
         m = 2 * len(self.tracks)
-        rows = [i for k in lines for i in (2 * k, 2 * k + 1)] + [m, m + 1, m + 2]
+        rows = np.array([i for k in lines for i in (2 * k, 2 * k + 1)] + [m, m + 1, m + 2], dtype=np.int64)
         self.x = self.x[rows]
-        self.P = self.P[np.ix_(rows, rows)]
+        self.P = blocks.picked(self.P, rows)
         self.followed = self.followed[rows]
         self.tracks = [self.tracks[k] for k in lines]
         self._unseen = [self._unseen[k] for k in lines]
 
-    def _kalman(self) -> ExtendedKalmanFilter:
-        """filterpy's filter with this state. One is kept while the size stays: to make it costs as much as its use."""
-        if self._algebra is None or self._algebra.dim_x != self.layout.size:
-            self._algebra = ExtendedKalmanFilter(dim_x=self.layout.size, dim_z=1)  # z and R come with each update
-        self._algebra.x = self.x
-        self._algebra.P = self.P
-        return self._algebra
+    def _kalman(self) -> "Algebra":
+        """filterpy's filter with this state; made once, for to make it costs as much as its use.
+
+        What it holds of a size of its own is replaced with each use (x, P, F, Q, H, R), or stands for an identity.
+        """
+        kalman = self._algebra
+        kalman.dim_x = self.x.size
+        kalman.x, kalman.P = self.x, self.P
+        return kalman
 
 
 def factor(covariance: Array) -> Array | None:
