@@ -78,6 +78,11 @@ class Calibrator:
         """Bad input so far, by reason."""
         return dict(self._refused + Counter(self._way.refused))
 
+    @property
+    def solved_keyframes(self) -> int:
+        """Keyframes that the smoother solves together now."""
+        return self._smoothing.size
+
     def step(self, message: Ticks | Bearings) -> tuple[Estimate | Extrinsics, ...]:
         match message:
             case Ticks():

@@ -30,6 +30,7 @@ class Smoothing:
         self._under_way: Job[Outcome] | None = None
         self._queue: list[Keyed] = []
         self.keyframes = 0
+        self._size = 0
         self._next = FIRST
         self._recent: Recent | None = None
 
@@ -41,6 +42,11 @@ class Smoothing:
         """The mount as the last part of the drive alone has it; each is told once."""
         told, self._recent = self._recent, None
         return told
+
+    @property
+    def size(self) -> int:
+        """Keyframes that are solved together now."""
+        return self._size
 
     @property
     def is_due(self) -> bool:
@@ -64,5 +70,6 @@ class Smoothing:
         for key in self._queue:
             self._batch.append(key)
         self._queue = []
-        self._next = self.keyframes + max(EVERY, self._batch.size // SHARE)
+        self._size = self._batch.size
+        self._next = self.keyframes + max(EVERY, self._size // SHARE)
         self._under_way = self._background(self._batch.solve)

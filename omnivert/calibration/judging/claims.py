@@ -28,7 +28,8 @@ class Claims:
         self._settling = 0  # frames of driving since the first claim
         if stored is not None:
             self._settling = SETTLED
-            self._remember(stored)
+            self._last = stored
+            self._watch(stored.mount, 0)  # its stamp is of another clock
 
     def is_news(self, estimate: Estimate, final: bool) -> bool:
         """Whether an estimate is to be claimed: the first time, when a sigma has fallen, and the last one."""
@@ -61,7 +62,7 @@ class Claims:
         if self._last is not None and fresh is not None and self._settling < SETTLED:
             self._settling += 1
             if self._settling == SETTLED:
-                self._watch(self._last.mount)
+                self._watch(self._last.mount, self._last.stamp_ns)
         dog, known = self._watchdog, pulse.filter
         if dog is None or known is None:
             return ""
@@ -72,7 +73,7 @@ class Claims:
 
     def compared(self, stamp_ns: int, recent: tuple[float, Array, Array] | None) -> str:
         """The same by the mount as the last part of the drive has it: since when (s), phi, rho, psi, covariance."""
-        if self._watchdog is None or recent is None or self._last is None or recent[0] * 1e9 < self._last.stamp_ns:
+        if self._watchdog is None or recent is None:
             return ""
         alarm = self._watchdog.compare(round(recent[0] * 1e9), recent[1], recent[2])
         return "" if alarm is None else _told(alarm, stamp_ns)
@@ -86,14 +87,14 @@ class Claims:
     def _remember(self, extrinsics: Extrinsics) -> None:
         self._last = extrinsics
         if self._settling >= SETTLED:
-            self._watch(extrinsics.mount)
+            self._watch(extrinsics.mount, extrinsics.stamp_ns)
 
-    def _watch(self, mount: Mount) -> None:
+    def _watch(self, mount: Mount, since_ns: int) -> None:
         at = np.array([mount.phi_rad, mount.rho_m, mount.psi_rad])
         if self._watchdog is None:
-            self._watchdog = Watchdog(at, mount.covariance)
+            self._watchdog = Watchdog(at, mount.covariance, stamp_ns=since_ns)
         else:
-            self._watchdog.trust(at, mount.covariance)
+            self._watchdog.renew(since_ns, at, mount.covariance)
 
     def _extrinsics(self, estimate: Estimate, mount: Mount, reasons: tuple[str, ...]) -> Extrinsics:
         return Extrinsics(

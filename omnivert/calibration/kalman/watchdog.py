@@ -41,6 +41,7 @@ class WatchRules:
     fine: int = 4  # the jump may have been in any of so many last frames,
     coarse: int = 16  # or in every `fine`th of so many,
     longest: int = 192  # or in every `coarse`th of so many
+    ripe_s: float = 60.0  # a better mount may have swallowed a knock: it is held against the drive after so long
     slow_chance: float = 1e-5  # the same for mounts that are compared
     in_a_row: int = 2  # frames at rest, or mounts, that must say so
     age: int = 8  # frames in which a line must have been seen
@@ -97,26 +98,42 @@ class Jump:
 class Watchdog:
     """Watches one converged mount until the first alarm; then that alarm stands until `trust` gives it a new mount."""
 
-    def __init__(self, mount: Array, covariance: Array, rules: WatchRules | None = None) -> None:
+    def __init__(self, mount: Array, covariance: Array, rules: WatchRules | None = None, stamp_ns: int = 0) -> None:
         self.rules = rules or WatchRules()
         self._jumps: list[Jump] = []
         self._scores, self._informations, self.chi = np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0)
         self._doubt = np.array([self.rules.yaw_std, self.rules.place_std, self.rules.place_std])
         self._limit = float(chdtri(3.0, self.rules.chance))
         self._slow_limit = float(chdtri(3.0, self.rules.slow_chance))
-        self.trust(mount, covariance)
+        self.trust(mount, covariance, stamp_ns)
 
-    def trust(self, mount: Array, covariance: Array) -> None:
-        """From here on this is where the camera sits: phi, rho, psi and their covariance (3, 3)."""
+    def trust(self, mount: Array, covariance: Array, stamp_ns: int = 0) -> None:
+        """From here on this is where the camera sits: phi, rho, psi and covariance (3, 3); known since a stamp."""
         self.alarm: Alarm | None = None
-        self._mount, slope = cartesian_from_polar(mount)
-        self._covariance = slope @ covariance @ slope.T
+        self._next: tuple[int, Array, Array] | None = None  # a better mount that is not ripe
+        self._hold(stamp_ns, mount, covariance)
         self.frames = 0
         self._forget_jumps()
         self._odd_mounts = 0
         self._still: dict[int, tuple[int, float, float]] = {}  # of a track: sights at rest, mean bearing, std of one
         self._still_frames = 0
         self._odd_still: list[int] = []  # stamps
+
+    def renew(self, stamp_ns: int, mount: Array, covariance: Array) -> None:
+        """The same camera is known better, as of a stamp; what was asked of the frames before goes on being asked.
+
+        Were each better mount held at once, one that has followed a knock half the way would hide the knock.
+        """
+        if self._next is None:
+            self._next = stamp_ns, mount.copy(), covariance.copy()
+        elif stamp_ns - self._next[0] >= self.rules.ripe_s * 1e9:
+            self._hold(*self._next)
+            self._next = stamp_ns, mount.copy(), covariance.copy()
+
+    def _hold(self, stamp_ns: int, mount: Array, covariance: Array) -> None:
+        self._mount, slope = cartesian_from_polar(mount)
+        self._covariance = slope @ covariance @ slope.T
+        self._since_ns = stamp_ns
 
     def step(self, stamp_ns: int, known: Filter, evidence: Evidence | None) -> Alarm | None:
         """After each update of the filter, with what it had expected."""
@@ -197,8 +214,11 @@ class Watchdog:
         return None
 
     def compare(self, since_ns: int, mount: Array, covariance: Array) -> Alarm | None:
-        """Now and then: the mount as the last part of the drive alone has it, which began at a stamp."""
-        if self.alarm is not None:
+        """Now and then: the mount as the last part of the drive alone has it, which began at a stamp.
+
+        None, too, while that part holds frames by which the mount that is held was found.
+        """
+        if self.alarm is not None or since_ns < self._since_ns:
             return None
         there, slope = cartesian_from_polar(mount)
         moved = there - self._mount

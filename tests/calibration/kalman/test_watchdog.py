@@ -180,3 +180,29 @@ def test_an_alarm_says_what_moved_and_only_what_is_seen() -> None:
     alarm = Alarm(0, Kind.DRIVING, np.array([np.deg2rad(-2.1), 0.01, 0.015]), covariance)
     assert alarm.text == "the camera moved by 2.1 +- 0.3 deg clockwise, 1.5 +- 0.1 cm to the left"
     assert Alarm(0, Kind.STANDING, STILL, covariance).text.startswith("the camera, or the robot under it, moved")
+
+
+def test_a_better_mount_is_held_only_when_it_is_ripe_and_does_not_hide_what_came_before() -> None:
+    mount, spread = np.array([0.3, 0.2, 0.1]), np.diag([0.005**2, 0.001**2, 0.005**2])
+    far = mount + np.array([0.0, 0.01, 0.0])
+    dog = Watchdog(mount, spread, stamp_ns=100)
+    assert [dog.compare(99, far, spread) for _ in range(3)] == [None] * 3  # a part that has made the mount itself
+    for second in range(1, 60):
+        dog.renew(second * 10**9, far, spread)  # has swallowed the knock
+    assert dog.compare(200, far, spread) is None
+    alarm = dog.compare(300, far, spread)
+    assert alarm is not None
+    assert alarm.stamp_ns == 300
+    dog.trust(mount, spread)
+    dog.renew(0, far, spread)
+    dog.renew(60 * 10**9, far, spread)
+    assert [dog.compare(10**9, far, spread) for _ in range(3)] == [None] * 3
+
+
+def test_what_was_asked_of_the_last_frames_goes_on_when_the_mount_is_known_better() -> None:
+    _, dog, chi = World(7, 0.001, STILL, 0).watched(60)
+    assert len(chi) == 60
+    asked = dog.chi.size
+    dog.renew(10**12, np.array([0.3, 0.2, 0.1]), np.eye(3))
+    dog.renew(10**13, np.array([0.3, 0.2, 0.1]), np.eye(3))
+    assert dog.chi.size == asked > 5
