@@ -1,7 +1,6 @@
 """`omnivert montecarlo`: many synthetic drives against the theoretical limit."""
 
 import difflib
-import math
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -10,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 
 from omnivert.cli import results, say
+from omnivert.cli.montecarlo_watched import WATCHED, watched
 from omnivert.cli.outputs import made_folder
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
+from omnivert.cli.study_targets import numbers, tell_targets
 from omnivert.errors import UseError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ PATHS = "paper,alternate,straight,turn,arc,still"
 def montecarlo(
     paths: Annotated[str, typer.Option(help="Which paths, with commas between.")] = PATHS,
     preset: Annotated[
-        str | None, typer.Option(help="A study with targets: world, one-line, degenerate or corrections.")
+        str | None, typer.Option(help="A study with targets: world, one-line, degenerate, corrections, knock or long.")
     ] = None,
     runs: Annotated[int, typer.Option(min=1, max=1_000_000, help="Drives of each path.")] = 10,
     seed: Annotated[int, typer.Option(min=0, max=2**31, help="Of the first drive; the next has one more.")] = 1,
@@ -44,6 +45,7 @@ def montecarlo(
     wheel_ratio: Annotated[float, typer.Option(min=0.5, max=2.0, help="Right / left true diameter.")] = 1.0,
     base_factor: Annotated[float, typer.Option(min=0.5, max=2.0, help="True / configured wheel base.")] = 1.0,
     free: Annotated[bool, typer.Option("--free", help="Estimate time offset, wheel ratio and base, always.")] = False,
+    hours: Annotated[float, typer.Option(min=0.01, max=1000.0, help="Of each drive of --preset long.")] = 10.0,
     jobs: Annotated[int, typer.Option(min=1, max=256, help="Processes.")] = 1,
     plots: Annotated[Path | None, typer.Option("--plots", help="Folder for charts.")] = None,
     config: ConfigOption = None,
@@ -58,6 +60,9 @@ def montecarlo(
     from omnivert.threads import one_thread
 
     one_thread()
+    if preset in WATCHED:
+        watched(preset, runs, seed, hours, jobs, plots, settings(config), as_json)
+        return
     cases: Sequence[Case]
     if preset is not None:
         cases = _preset(preset)
@@ -106,8 +111,9 @@ def _preset(name: str) -> "tuple[Case, ...]":
     from omnivert.studies.presets import PRESETS
 
     if name not in PRESETS:
-        near = difflib.get_close_matches(name, PRESETS, n=1, cutoff=0.4)
-        raise UseError("OV205", f"--preset {name} is not known", help=f"--preset {' or '.join(near or PRESETS)}")
+        known = [*PRESETS, *WATCHED]
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+        raise UseError("OV205", f"--preset {name} is not known", help=f"--preset {' or '.join(near or known)}")
     return PRESETS[name]
 
 
@@ -156,45 +162,18 @@ def _tell(cases: "Sequence[Case]", figures: dict[str, Any]) -> None:
         )
     for reason, number in figures["false_reasons"].items():
         say.result(f"false: {reason} in {number} runs")
-    _tell_targets(cases, each)
+    tell_targets(cases, each)
 
 
 def _row(own: dict[str, Any]) -> tuple[str, ...]:
     return (
         str(own["runs"]),
-        _numbers(own["efficiency"]["filter"]),
-        _numbers(own["efficiency"]["smoother"]),
-        _numbers(own["nees_over_3_mean"]),
+        numbers(own["efficiency"]["filter"]),
+        numbers(own["efficiency"]["smoother"]),
+        numbers(own["nees_over_3_mean"]),
         "-" if own["nees_band"] is None else f"{own['nees_band'][0]:.2f} to {own['nees_band'][1]:.2f}",
         str(own["calibrated_runs"]),
         str(own["false_calibrated"]),
         str(own["wrong_runs"]),
         "",
     )
-
-
-def _tell_targets(cases: "Sequence[Case]", each: dict[str, dict[str, Any]]) -> None:
-    from omnivert.studies.summary import figure
-
-    table: list[tuple[str, ...]] = [("target", "path", "figure", "wanted", "")]
-    for case in cases:
-        for name, (low, high) in case.targets.items():
-            reached = {True: "✓", False: "✗ missed", None: "not known"}[each[case.name]["targets_met"][name]]
-            wanted = f"{low:g}" if low == high else f"<= {high:g}" if low in (0.0, -math.inf) else f">= {low:g}"
-            table.append((name.replace("_", " "), case.name, _numbers(figure(each[case.name], name)), wanted, reached))
-    if len(table) > 1:
-        say.result("")
-        for line in results.aligned(table):
-            say.result(line)
-
-
-def _numbers(value: Any) -> str:
-    match value:
-        case None:
-            return "-"
-        case list():
-            return " ".join(_numbers(part) for part in value)
-        case int():
-            return str(value)
-        case _:
-            return f"{value:.2f}"

@@ -49,7 +49,7 @@ def write_efficiency(path: Path, cases: Sequence[Case], runs: Sequence[Run], see
     """rms of error / bound by parameter, with 95 % bands of the bootstrap."""
     shown = [case for case in cases if _of(runs, _filter, case) or _of(runs, _smoother, case)]
     height = 1.75 + 0.62 * len(shown)
-    figure = _figure((13.0, height))
+    figure = figure_of((13.0, height))
     grid = figure.add_gridspec(
         1, 3, left=0.165, right=0.985, top=1.0 - 1.15 / height, bottom=0.42 / height, wspace=0.07
     )
@@ -72,19 +72,19 @@ def write_efficiency(path: Path, cases: Sequence[Case], runs: Sequence[Run], see
         one.set(xlim=(0.0, most), ylim=(-0.6, len(shown) - 0.4))
         one.set_yticks(range(len(shown)), [case.name for case in reversed(shown)])
         one.set_title(PARAMETERS[k][0], loc="left", fontsize=13, color=INK, pad=7)
-        _plain(one, "x")
+        plain(one, "x")
         one.tick_params(labelleft=k == 0)
         for label in one.get_yticklabels():
             label.set(color=INK, fontsize=11)
-    _title(figure, height, "Errors over the Cramér-Rao bound", "rms of error / own bound, with 95 % bands")
-    _key(figure, height, (("filter", FILTER), ("smoother", SMOOTHER), ("bound", LIMIT)))
-    _save(figure, path)
+    titled(figure, height, "Errors over the Cramér-Rao bound", "rms of error / own bound, with 95 % bands")
+    keyed(figure, height, (("filter", FILTER), ("smoother", SMOOTHER), ("bound", LIMIT)))
+    saved(figure, path)
 
 
 def write_nees(path: Path, cases: Sequence[Case], runs: Sequence[Run], seed: int) -> None:
     """How NEES is spread, against chi-square of 3."""
     height = 4.6
-    figure = _figure((13.0, height))
+    figure = figure_of((13.0, height))
     grid = figure.add_gridspec(1, 2, left=0.05, right=0.985, top=1.0 - 1.15 / height, bottom=0.13, wspace=0.1)
     edges = np.linspace(0.0, 16.0, 33)
     x = np.linspace(0.0, 16.0, 400)
@@ -104,18 +104,18 @@ def write_nees(path: Path, cases: Sequence[Case], runs: Sequence[Run], seed: int
         tail = f", {beyond} beyond {edges[-1]:.0f} (in the last bar)" if beyond else ""
         one.set_title(f"{name}: {mean}{values.size} runs{tail}", loc="left", fontsize=11, color=INK, pad=7)
         one.set(xlim=(0.0, edges[-1]), xlabel="NEES of φ, ρ and ψ")
-        _plain(one, "y")
+        plain(one, "y")
     for one in axes:
         one.set_ylim(0.0, 1.08 * max(tallest, 0.25))
-    _title(figure, height, "Are the claimed covariances true?", "share of runs per unit of NEES")
-    _key(figure, height, (("chi-square of 3", LIMIT),))
-    _save(figure, path)
+    titled(figure, height, "Are the claimed covariances true?", "share of runs per unit of NEES")
+    keyed(figure, height, (("chi-square of 3", LIMIT),))
+    saved(figure, path)
 
 
 def write_sigma(path: Path, cases: Sequence[Case], runs: Sequence[Run], seed: int) -> None:
     """Each error against the sigma that was claimed with it."""
     height = 4.9
-    figure = _figure((13.0, height))
+    figure = figure_of((13.0, height))
     grid = figure.add_gridspec(1, 3, left=0.06, right=0.985, top=1.0 - 1.15 / height, bottom=0.13, wspace=0.2)
     filters, smoothers = _of(runs, _filter), _of(runs, _smoother)
     for k, (name, unit, scale) in enumerate(PARAMETERS):
@@ -137,17 +137,17 @@ def write_sigma(path: Path, cases: Sequence[Case], runs: Sequence[Run], seed: in
         one.set_ylim(floor, max(4.5 * high, 1.3 * float(errors.max())))
         one.set(xlabel=f"sigma, {unit}", ylabel=f"|error|, {unit}")
         one.set_title(name, loc="left", fontsize=13, color=INK, pad=7)
-        _plain(one, "both")
+        plain(one, "both")
         _plain_numbers(one)
-    _title(figure, height, "Errors against claimed sigmas", "each dot a run; honest sigmas leave 68 % below 1 σ")
-    _key(figure, height, (("filter", FILTER), ("smoother", SMOOTHER)))
-    _save(figure, path)
+    titled(figure, height, "Errors against claimed sigmas", "each dot a run; honest sigmas leave 68 % below 1 σ")
+    keyed(figure, height, (("filter", FILTER), ("smoother", SMOOTHER)))
+    saved(figure, path)
 
 
 def write_verdicts(path: Path, cases: Sequence[Case], runs: Sequence[Run], seed: int) -> None:
     """Share of runs that end in each state, by case; false claims stand beside."""
     height = 1.75 + 0.5 * len(cases)
-    figure = _figure((13.0, height))
+    figure = figure_of((13.0, height))
     grid = figure.add_gridspec(1, 1, left=0.165, right=0.86, top=1.0 - 1.15 / height, bottom=0.42 / height)
     one = figure.add_subplot(grid[0])
     for row, case in enumerate(reversed(cases)):
@@ -168,13 +168,13 @@ def write_verdicts(path: Path, cases: Sequence[Case], runs: Sequence[Run], seed:
                      color=LIMIT if false else INK, annotation_clip=False)  # fmt: skip
     one.set(xlim=(0.0, 100.0), ylim=(-0.55, len(cases) - 0.45))
     one.set_yticks(range(len(cases)), [case.name for case in reversed(cases)])
-    _plain(one, "x")
+    plain(one, "x")
     for label in one.get_yticklabels():
         label.set(color=INK, fontsize=11)
-    _title(figure, height, "How the drives ended", "% of runs, by the state at the end")
+    titled(figure, height, "How the drives ended", "% of runs, by the state at the end")
     present = [state for state in State if any(run.state is state for run in runs)]
-    _key(figure, height, tuple((word(state), colour(state)) for state in present))
-    _save(figure, path)
+    keyed(figure, height, tuple((word(state), colour(state)) for state in present))
+    saved(figure, path)
 
 
 def _filter(run: Run) -> Solution | None:
@@ -190,7 +190,7 @@ def _of(runs: Sequence[Run], take: Callable[[Run], Solution | None], case: Case 
     return [(run, part) for run in chosen if (part := take(run)) is not None]
 
 
-def _figure(size: tuple[float, float]) -> Any:
+def figure_of(size: tuple[float, float]) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -199,12 +199,12 @@ def _figure(size: tuple[float, float]) -> Any:
     return figure
 
 
-def _title(figure: Any, height: float, title: str, below: str) -> None:
+def titled(figure: Any, height: float, title: str, below: str) -> None:
     figure.text(0.012, 1.0 - 0.32 / height, title, fontsize=15, fontweight="bold", color=INK, va="center")
     figure.text(0.012, 1.0 - 0.64 / height, below, fontsize=10.5, color=FAINT, va="center")
 
 
-def _key(figure: Any, height: float, entries: Sequence[tuple[str, str]]) -> None:
+def keyed(figure: Any, height: float, entries: Sequence[tuple[str, str]]) -> None:
     """What the colours mean, from the right edge of the title's line."""
     from matplotlib.lines import Line2D
 
@@ -215,7 +215,7 @@ def _key(figure: Any, height: float, entries: Sequence[tuple[str, str]]) -> None
     )  # fmt: skip
 
 
-def _plain(axes: Axes, grid: str) -> None:
+def plain(axes: Axes, grid: str) -> None:
     axes.grid(axis=grid, color=GRID, lw=0.9, zorder=0)
     axes.set_axisbelow(True)
     axes.tick_params(length=0, colors=FAINT, labelsize=9, which="both")
@@ -234,5 +234,5 @@ def _plain_numbers(axes: Axes) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _save(figure: Any, path: Path) -> None:
+def saved(figure: Any, path: Path) -> None:
     figure.savefig(path, format="png", metadata={"Software": "omnivert"})

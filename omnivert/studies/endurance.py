@@ -70,13 +70,13 @@ def rooms_of(case: Case, config: Config, seed: int, hours: float) -> Iterator[Ro
         for message in drive.messages:
             match message:
                 case Ticks():
-                    last = Ticks(message.stamp_ns + start.stamp_ns, message.left + start.left, message.right + start.right)
+                    last = Ticks(
+                        message.stamp_ns + start.stamp_ns, message.left + start.left, message.right + start.right
+                    )
                     told = calibrator.step(last)
                 case Bearings():
                     names = message.track_id + NAMES * number
-                    told = calibrator.step(
-                        replace(message, stamp_ns=message.stamp_ns + start.stamp_ns, track_id=names)
-                    )
+                    told = calibrator.step(replace(message, stamp_ns=message.stamp_ns + start.stamp_ns, track_id=names))
             for word in told:
                 if not isinstance(word, Extrinsics):
                     frames += 1
@@ -100,6 +100,10 @@ def rooms_of(case: Case, config: Config, seed: int, hours: float) -> Iterator[Ro
             1e3 * max(solves, default=0.0),
             size,
         )
+
+
+def drive_of(case: Case, config: Config, seed: int, hours: float) -> list[Room]:
+    return list(rooms_of(case, config, seed, hours))
 
 
 def memory_mb() -> float:

@@ -4,16 +4,19 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from itertools import islice
 from multiprocessing.connection import wait as wait_for
+from typing import Any, TypeVar
 
 from omnivert.config import Config
 from omnivert.studies.presets import Case
 from omnivert.studies.run import Oracle, Run, run_of
 from omnivert.threads import one_thread
+
+R = TypeVar("R")
 
 
 def runs_of(
@@ -30,16 +33,25 @@ def runs_of(
     oracle  a function of a module, so that another process finds it
     """
     todo = ((case, config, seed + k, oracle) for k in range(runs) for case in cases)
+    yield from worked(run_of, todo, jobs)
+
+
+def worked(work: Callable[..., R], todo: Iterator[tuple[Any, ...]], jobs: int) -> Generator[R, None, None]:
+    """What the work makes of each tuple of arguments, as it is done.
+
+    work  a function of a module, so that another process finds it
+    jobs  processes; with 1 it all happens in this one
+    """
     if jobs == 1:
         for job in todo:
-            yield run_of(*job)
+            yield work(*job)
         return
     with _workers(jobs) as pool:
         # A few in hand alone: so an interruption is not held up by thousands that are told already.
-        waiting: set[Future[Run]] = {pool.submit(run_of, *job) for job in islice(todo, 2 * jobs)}
+        waiting: set[Future[R]] = {pool.submit(work, *job) for job in islice(todo, 2 * jobs)}
         while waiting:
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            waiting |= {pool.submit(run_of, *job) for job in islice(todo, len(done))}
+            waiting |= {pool.submit(work, *job) for job in islice(todo, len(done))}
             for future in done:
                 yield future.result()
 

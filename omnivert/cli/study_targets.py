@@ -1,0 +1,37 @@
+"""The targets of a study beside the figures that it came to."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from omnivert.cli import results, say
+
+if TYPE_CHECKING:
+    from omnivert.studies.presets import Case
+
+
+def tell_targets(cases: "Sequence[Case]", each: dict[str, dict[str, Any]]) -> None:
+    from omnivert.studies.summary import figure
+
+    table: list[tuple[str, ...]] = [("target", "path", "figure", "wanted", "")]
+    for case in cases:
+        for name, (low, high) in case.targets.items():
+            reached = {True: "✓", False: "✗ missed", None: "not known"}[each[case.name]["targets_met"][name]]
+            wanted = f"{low:g}" if low == high else f"<= {high:g}" if low in (0.0, -math.inf) else f">= {low:g}"
+            table.append((name.replace("_", " "), case.name, numbers(figure(each[case.name], name)), wanted, reached))
+    if len(table) > 1:
+        say.result("")
+        for line in results.aligned(table):
+            say.result(line)
+
+
+def numbers(value: Any) -> str:
+    match value:
+        case None:
+            return "-"
+        case list():
+            return " ".join(numbers(part) for part in value)
+        case int():
+            return str(value)
+        case _:
+            return f"{value:.2f}"
