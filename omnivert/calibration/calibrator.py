@@ -11,6 +11,7 @@ from omnivert.calibration.judging.claims import Claims
 from omnivert.calibration.judging.observability import larger
 from omnivert.calibration.judging.steadiness import Steadiness
 from omnivert.calibration.judging.verdict import Shown, Verdict, paper_verdict, verdict
+from omnivert.calibration.kalman.definite import factor
 from omnivert.calibration.kalman.ekf import Filter, Innovation, Rules, rules_of_the_paper
 from omnivert.calibration.kalman.model import mount_difference
 from omnivert.calibration.kalman.pulse import Pulse
@@ -26,6 +27,7 @@ from omnivert.odometry import SECOND
 Array = NDArray[np.float64]
 
 SILENCE_NS = SECOND  # a frame waits this long, by the stamps of later frames, for counts that cover it
+MOST_HELD = 1000  # frames that wait for counts at once: stamps that hardly grow would else make them wait for ever
 LINEAR_RAD = 0.35  # the filter takes over when phi is known to this
 SHOWN_RAD = 0.6  # an estimate is published when phi is known to this
 
@@ -56,6 +58,10 @@ class Calibrator:
         self._moved = ""  # how the camera was knocked, until it is calibrated anew
         self._told_last: Estimate | None = None
         self._stored: Mount | None = None
+        self._unfit = ""  # why a stored mount was not taken up, until that is told
+        if stored is not None and not _is_covariance(stored.mount.covariance):
+            self._refused["stored mount: its covariance is none"] += 1
+            self._unfit, stored = "the stored mount is not taken up: its covariance is none", None
         self._claims = Claims(config, None if self._paper else stored)
         if self._paper:
             c = config.calibration
@@ -132,11 +138,14 @@ class Calibrator:
     def _is_due(self, sighting: Sighting) -> bool:
         newest = self._way.newest_ns
         return (newest is not None and newest >= sighting.stamp_ns) or (
-            self._newest_ns - sighting.stamp_ns > SILENCE_NS
+            self._newest_ns - sighting.stamp_ns > SILENCE_NS or len(self._held) > MOST_HELD
         )
 
     def _work(self, sighting: Sighting) -> list[Estimate | Extrinsics]:
         reasons = list(sighting.reasons)
+        if self._unfit:
+            reasons.append(self._unfit)
+            self._unfit = ""
         self._frames += 1
         motion, wrong = self._way.step(sighting.stamp_ns)
         if wrong:
@@ -145,7 +154,8 @@ class Calibrator:
         if motion is not None:
             if wrong:
                 self._pulse.forget_lines()
-            self._pulse.predict(motion)
+            if motion.wheels_m.any():  # at rest nothing moves, and nothing more becomes unsure
+                self._pulse.predict(motion)
             fresh = self._see(sighting, reasons) if self._paper or self._way.is_at_keyframe else None
             still = not wrong and not motion.wheels_m.any()
             knock = self._claims.watched(sighting.stamp_ns, still, sighting, self._pulse, fresh)
@@ -159,6 +169,9 @@ class Calibrator:
         if not self._pulse.update(replace(sighting, std=np.sqrt(self._noise.bearings) * sighting.std)):
             self._refused["filter: covariance lost its definiteness"] += 1
             reasons.append("the filter lost its footing and starts anew")
+            if self._stored is not None:
+                self._stored = None
+                self._claims.forget()
         fresh = self._pulse.innovation
         if not self._paper:
             stamp_s = sighting.stamp_ns / SECOND
@@ -321,3 +334,7 @@ class Calibrator:
             f"because no mount explains more than {100.0 * outcome.share:.0f} % of the bearings: "
             "check the wheel base, the wheels' diameter, the clocks of camera and encoders, and what else moves"
         )
+
+
+def _is_covariance(matrix: Array) -> bool:
+    return bool(np.isfinite(matrix).all()) and np.allclose(matrix, matrix.T) and factor(matrix) is not None

@@ -10,6 +10,8 @@ from omnivert.odometry import SECOND, Motion, Odometer, Samples, nothing
 
 Array = NDArray[np.float64]
 
+KEPT_NS = 120 * SECOND  # counts wait so long for a frame; when it comes later, the way to it is not known
+
 
 class Way:
     """Takes the counts, and knows what of the way was not covered by them."""
@@ -37,6 +39,7 @@ class Way:
 
     def push(self, ticks: Ticks) -> None:
         self._odometer.push(ticks)
+        self._odometer.forget_before((self._odometer.newest_ns or 0) - KEPT_NS)
 
     def correct(self, corrections: Array, noise: Noise) -> None:
         """What the wheels, the clocks and their noise really are, from now on."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from omnivert.angles import wrap
 from omnivert.calibration.kalman import blocks, model
+from omnivert.calibration.kalman.definite import factor, inverse
 from omnivert.calibration.kalman.structured import Moved, Slopes, Spread
 from omnivert.odometry import Motion
 
@@ -332,22 +332,6 @@ class Filter:
         kalman.dim_x = self.x.size
         kalman.x, kalman.P = self.x, self.P
         return kalman
-
-
-def factor(covariance: Array) -> Array | None:
-    """The lower triangular L with L L' = covariance (N, N); None where it is not positive definite. Not a repair."""
-    lower, failed = lapack.dpotrf(covariance, lower=1)
-    # What is not a number anywhere has come to the diagonal.
-    return None if failed or not np.isfinite(lower.trace()) else lower
-
-
-def inverse(covariance: Array) -> Array | None:
-    """The inverse (N, N), symmetric; None where the covariance is not positive definite."""
-    lower = factor(covariance)
-    if lower is None:
-        return None
-    half, failed = lapack.dpotri(lower, lower=1)
-    return None if failed else blocks.mirrored(half.T)
 
 
 def rules_of_the_paper(base_m: float, noise_k_m: float) -> Rules:

@@ -50,6 +50,7 @@ class WatchRules:
     gate: float = 3.5  # sigmas of a bearing given all others, such a knock allowed
     plain_gate: float = 6.0  # the same, no knock allowed: wide, for a knock is what it looks for
     enough: int = 5  # lines that a knock must explain to be believed rather than that some of them are wrong
+    most_still: int = 1000  # lines that are remembered at rest, beyond those of one frame
     standing_frames: int = 2  # of stillness before bearings can be compared
 
 
@@ -205,6 +206,8 @@ class Watchdog:
                 return None  # what it stood like before stays as it is until this is decided
             self._odd_still = []
         self._still_frames += 1
+        if len(self._still) > self.rules.most_still + track.size:  # tracks come and go for hours
+            self._still = {name: self._still[name] for name in track.tolist() if name in self._still}
         for name, bearing, sigma in zip(track.tolist(), beta.tolist(), std.tolist(), strict=True):
             count, mean, most = self._still.get(name, (0, bearing, sigma))
             off = wrap(bearing - mean)

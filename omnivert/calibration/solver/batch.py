@@ -135,6 +135,8 @@ class Batch:
     def solve(self) -> Outcome:
         """The best mount for all keyframes, if there is a single clear one."""
         result = self._solved()
+        if self.size >= self._config.calibration.window_keyframes:  # it shows no mount, or it would have been cut
+            self._forget(self.size // 2)
         return Outcome(result, self._all_centres(), self._seen, self._share, self._wrong, self._keyframes)
 
     def _solved(self) -> Result | None:
@@ -337,8 +339,12 @@ class Batch:
             self._prior_shown = self._prior_shown + shown
             information, step = search.opened(solution)
             self._prior = replace(self._prior, mean=solution.x.shared + step, information=information)
-            self._prior_centres += centres(found)
+            self._prior_centres = centres(self._prior_centres + found)
         self._stretch.keyframes += rest
+        self._forget(count)
+
+    def _forget(self, count: int) -> None:
+        """The first `count` keyframes are no longer solved."""
         self._stretch.drop_first(count)
         self._centres = None
-        self._searched = len(rest)
+        self._searched = self.size

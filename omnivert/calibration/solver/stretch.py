@@ -135,6 +135,9 @@ class Stretch:
     def drop_first(self, count: int) -> None:
         """Forget keyframes that were solved, not all; the next one becomes the first. Poses stay relative to it."""
         del self.keyframes[:count]
+        tracks = {t for k in self.keyframes for t in k.track.tolist()}
+        self._renamed = {track: line for track, line in self._renamed.items() if track in tracks}
+        self._moving.intersection_update(n for k in self.keyframes for n in k.line.tolist())
         known = self._pose[count:]
         if not known.size:
             self._pose, self._line = np.zeros((0, 3)), {}
