@@ -45,6 +45,7 @@ class WatchRules:
     slow_chance: float = 1e-5  # the same for mounts that are compared
     in_a_row: int = 2  # frames at rest, or mounts, that must say so
     age: int = 8  # frames in which a line must have been seen
+    unsure: float = 3.0  # times the median sigma: a bearing foretold worse is of a line too near or bent for one slope
     yaw_std: float = float(np.deg2rad(4.0))  # a knock to be expected: no bearing is rejected for such a one
     place_std: float = 0.03  # m
     gate: float = 3.5  # sigmas of a bearing given all others, such a knock allowed
@@ -156,7 +157,7 @@ class Watchdog:
             evidence.nu,
             evidence.precision,
             evidence.shift,
-            evidence.age >= self.rules.age,
+            (evidence.age >= self.rules.age) & _foretold(evidence, self.rules.unsure),
             self._doubt,
             self.rules.gate,
             self.rules.plain_gate,
@@ -278,3 +279,9 @@ class Watchdog:
             information,
         )
         return score[0], information[0]
+
+
+def _foretold(evidence: Evidence, unsure: float) -> NDArray[np.bool_]:
+    """Lines (N,) of which the bearing was foretold about as well as of most."""
+    spread = np.sqrt(np.diag(np.linalg.inv(evidence.precision)))
+    return np.asarray(spread < unsure * np.median(spread))
