@@ -21,7 +21,7 @@ from omnivert.odometry import arc
 
 Array = NDArray[np.float64]
 
-CAUTION = 2.0  # sigmas of a line's inverse distance that do not count
+CAUTION = 1.0  # sigmas of a line's inverse distance that do not count, beside what chance gives the best of all lines
 
 
 def nominal_steps(problem: Problem, moved: Increments, corrections: Array) -> tuple[Array, list[Piece]]:
@@ -56,8 +56,10 @@ def nominal_information(problem: Problem, solution: Solution) -> tuple[Array, li
     old, new = x.pose[middle], pose[middle]
     turn = new[:, 2] - old[:, 2]
     # A far line's distance is fitted to noise, and would then seem to show parallax, which goes by its square: w^2 is
-    # on average too large by its variance, and more than that is taken off.
-    w = np.sqrt(np.maximum(x.w**2 - (CAUTION * solution.inverse_distance_std()) ** 2, 0.0))
+    # on average too large by its variance, and more than that is taken off:
+    # of L lines one is fitted sqrt(2 log L) sigmas too near.
+    caution = CAUTION + np.sqrt(2.0 * np.log(max(x.w.size, 2)))
+    w = np.sqrt(np.maximum(x.w**2 - (caution * solution.inverse_distance_std()) ** 2, 0.0))
     sight = np.stack([np.cos(x.u), np.sin(x.u)], axis=1) + w[:, None] * (x.anchor - old[:, :2])
     c, s = np.cos(turn), np.sin(turn)
     length = np.hypot(sight[:, 0], sight[:, 1])
