@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from omnivert.calibration.solver.batch import Batch, Keyed, Outcome, Recent, Result
+from omnivert.calibration.solver.batch import Batch, Outcome, Result
+from omnivert.calibration.solver.parts import Recent
+from omnivert.calibration.solver.stretch import Keyed
 
 R = TypeVar("R")
 Job = Callable[[], R]

@@ -30,6 +30,12 @@ def freed_at_first(config: Config) -> Flags:
     return np.array([mode == "free" for mode in (c.time_offset, c.wheel_ratio, c.wheel_base)])
 
 
+def may_be_free(config: Config) -> Flags:
+    """Which corrections are not held by the configuration (3,)."""
+    c = config.calibration
+    return np.array([mode != "held" for mode in (c.time_offset, c.wheel_ratio, c.wheel_base)])
+
+
 def freed(config: Config, before: Flags, information: Array, step: Array, at: Array) -> Flags:
     """Which corrections are to be estimated (3,).
 

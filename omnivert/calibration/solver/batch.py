@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.angles import wrap
 from omnivert.calibration.judging import corrections
 from omnivert.calibration.judging.manoeuvre import Manoeuvre, Outlook, best_manoeuvre
 from omnivert.calibration.judging.observability import (
@@ -23,25 +22,23 @@ from omnivert.calibration.solver import noise, wiring
 from omnivert.calibration.solver.marginal import marginal_mean
 from omnivert.calibration.solver.noise import Component, Noise
 from omnivert.calibration.solver.nominal import nominal_information
-from omnivert.calibration.solver.parts import part_alone
+from omnivert.calibration.solver.parts import AGREE, Recent, from_prior, halves, recent
 from omnivert.calibration.solver.problem import Problem
 from omnivert.calibration.solver.seed import Seed, in_sight, seed_of
 from omnivert.calibration.solver.smoother import Search, Solution, marginal
-from omnivert.calibration.solver.start import started
-from omnivert.calibration.solver.stretch import AS_TOLD, Posed, Stretch, restless
+from omnivert.calibration.solver.start import started, started_wide
+from omnivert.calibration.solver.stretch import AS_TOLD, Keyed, Posed, Stretch, restless
+from omnivert.calibration.solver.turning import turning
 from omnivert.config import Config
 from omnivert.messages import Correction
-from omnivert.odometry import Samples
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-RECENT = 60  # keyframes, a last part of the drive that may show the mount alone
 MOST_MOVING = 0.34  # share of the bearings that may be of moving lines
+NOISY = 1.5  # times the variance that bearings are told to have: what does not fit may have been taken for noise
+FAR = 0.75  # of what a configuration may be off by: such wheels err in other ways, too, and sigmas are no measure
 HELD_RHO = 0.2  # m, where the camera is held while no place of it is better than another
-
-
-Recent = tuple[float, Array, Array]  # since when (s), phi, rho, psi (3,), covariance (3, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +50,10 @@ class Result:
     shown: Array  # (3, 3), as the nominal way has it
     gap: float  # -2 log likelihood to the next best, different solution
     centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
-    disagreement: float  # of the halves of the drive, chi-square of 3 degrees of freedom
+    disagreement: float  # of the parts of the drive, as a chi-square of 3 degrees of freedom
+    scatter: (
+        float  # times the variance that the model has: how far the parts of the drive lie apart; 1 where they agree
+    )
     seed: Seed
     corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
     told: tuple[Correction, ...]  # the same for people
@@ -73,8 +73,8 @@ class Result:
 
     @property
     def excess(self) -> Array:
-        """What the nominal way leaves open beyond the solution's own covariance (3, 3)."""
-        gap = larger(self.covariance, self.shown) - self.covariance
+        """What the nominal way, and the parts' disagreement, leave open beyond the solution's own covariance (3, 3)."""
+        gap = self.scatter * larger(self.covariance, self.shown) - self.covariance
         return 0.5 * (gap + gap.T)
 
 
@@ -90,17 +90,6 @@ class Outcome:
     keyframes: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Keyed:
-    """A keyframe as it comes."""
-
-    stamp_s: float
-    wheels: Samples | None  # since the one before; None where their way is unknown
-    track: Index  # (N,)
-    beta: Array  # (N,) rad
-    std: Array  # (N,) rad
-
-
 class Batch:
     """Gathers keyframes; solves when told to. A long drive is solved stretch by stretch, each the next one's prior."""
 
@@ -110,10 +99,13 @@ class Batch:
         self._shared: Array | None = None  # mount (eta, cx, cy) and corrections of the last solution
         self._prior = corrections.first_prior()
         self._prior_shown = self._prior.information
+        self._parts = AGREE  # of those that have become the prior
         self._free = corrections.freed_at_first(config)
         self._prior_centres: list[Piece] = []
         self._centres: tuple[Piece, ...] | None = None  # of all keyframes; None when not known yet
         self._gap = 0.0
+        self._is_odd = False  # bearings turn otherwise than wheels and clocks are configured
+        self._is_far = False  # and by so much that one stretch alone is not believed
         self._searched = 0  # keyframes at the last global start
         self._searched_kinds = 0  # different centres of rotation in it
         self._keyframes = 0  # since the beginning
@@ -152,6 +144,9 @@ class Batch:
             solution = self._solution(search, posed)
             if solution is None:
                 return None
+            if (problem.prior.free[3:] != self._free).any():  # the start has freed some
+                posed = replace(posed, problem=self._opened(problem))
+                search = Search(posed.problem)
             search, solution = self._freed(search, solution)
             self._shared = solution.x.shared.copy()
             result = self._result(search, posed, solution)
@@ -176,8 +171,8 @@ class Batch:
         return self._centres
 
     def _posed(self) -> Posed:
-        prior = replace(self._prior, free=np.concatenate([np.ones(3, dtype=np.bool_), self._free]))
-        return self._stretch.posed(prior, self._config.calibration.window_lines, 4, self._noise)
+        posed = self._stretch.posed(self._prior, self._config.calibration.window_lines, 4, self._noise)
+        return replace(posed, problem=self._opened(posed.problem))
 
     def _solution(self, search: Search, posed: Posed) -> Solution | None:
         settings = self._config.calibration
@@ -188,6 +183,7 @@ class Batch:
             found = search.continued(x, 12)
         kinds = len(self._all_centres())
         doubtful = found is None or self._gap < settings.clear_gap or not self._explains(problem, found)
+        doubtful |= self._noise.bearings > NOISY or self._is_odd
         growth = problem.frames / max(self._searched, 1)
         due = growth >= (1.15 if doubtful else 1.35)
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
@@ -198,8 +194,35 @@ class Batch:
                 if found is None or start.solution.score < found.score - 3.0:
                     found = start.solution
                 self._gap = start.gap
+            found = self._turned(problem, found)
             self._wrong = self._suspicion(problem, found)
         return found
+
+    def _turned(self, problem: Problem, found: Solution | None) -> Solution | None:
+        """The solution with the corrections freed that the turning of the bearings asks for, if that is better by far.
+
+        Corrections far off hide all good mounts: the start must know of them before it can free them.
+        """
+        settings = self._config.calibration
+        may = corrections.may_be_free(self._config)
+        wanted = turning(problem, bool(may[0]), bool(may[2]))
+        self._is_odd = wanted is not None
+        self._is_far = wanted is not None and bool((np.abs(wanted) > FAR * corrections.PRIOR_STD).any())
+        if wanted is None:
+            return found
+        before, self._free = self._free, may
+        opened = self._opened(problem)
+        start = started_wide(opened, wanted, settings.max_rho_m, settings.start_etas, settings.start_lines)
+        if start is None or (found is not None and start.solution.score > found.score - settings.clear_gap):
+            self._free = before
+            return found
+        self._gap = start.gap
+        return start.solution
+
+    def _opened(self, problem: Problem) -> Problem:
+        """The same with those corrections free that are to be so now."""
+        free = np.concatenate([np.ones(3, dtype=np.bool_), self._free])
+        return replace(problem, prior=replace(problem.prior, free=free))
 
     def _glimpse(self, problem: Problem) -> None:
         """What a drive about one centre of rotation shows.
@@ -257,10 +280,9 @@ class Batch:
             return search, solution
         self._free = free
         problem = search.problem
-        prior = replace(problem.prior, free=np.concatenate([np.ones(3, dtype=np.bool_), free]))
-        again = Search(replace(problem, prior=prior))
+        again = Search(self._opened(problem))
         shared = solution.x.shared.copy()
-        shared[3:] = np.where(free, shared[3:], prior.held)
+        shared[3:] = np.where(free, shared[3:], problem.held)
         return again, again.polished(again.solved(replace(solution.x, shared=shared), problem.std, 20, 0.01), 2)
 
     def _result(self, search: Search, posed: Posed, solution: Solution) -> Result | None:
@@ -271,8 +293,13 @@ class Batch:
         mount, slope = model.polar_from_cartesian(x.mount)
         if self._gap < settings.clear_gap or not self._explains(problem, solution) or mount[1] > settings.max_rho_m:
             return None
+        if self._is_far and not problem.prior.information[:3, :3].any():  # nothing yet that it could be held against
+            return None
         shown = marginal(shown + self._prior_shown, self._free)
-        information, _ = search.opened(solution)
+        information, step = search.opened(solution)
+        apart = (
+            self._parts + from_prior(problem.prior, solution.x.shared + step, information) + halves(problem, solution)
+        )
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
         at = x.corrections
         newest = self._stretch.keyframes[-1]
@@ -286,40 +313,17 @@ class Batch:
             slope @ covariance_from_information(shown) @ slope.T,
             self._gap,
             tuple(centres(self._prior_centres + found)),
-            self._halves(problem, solution),
+            apart.disagreement,
+            apart.scatter,
             seed,
             at.copy(),
-            corrections.told(self._config, self._free, at, corrections.stds(information))
+            corrections.told(self._config, self._free, at, np.sqrt(apart.scatter) * corrections.stds(information))
             + noise.told(self._noise, residuals, self._config.encoder.noise_k_m),
             residuals,
             self._noise,
-            self._recent(problem, solution),
+            recent(problem, solution),
             best_manoeuvre(mount, shown, in_sight(seed), self._outlook(problem), limit),
         )
-
-    def _halves(self, problem: Problem, solution: Solution) -> float:
-        """How far the halves of the stretch disagree about the mount: chi-square of three degrees of freedom."""
-        middle = problem.frames // 2
-        found = [part_alone(problem, solution, a, b) for a, b in ((0, middle), (middle, problem.frames))]
-        if found[0] is None or found[1] is None:
-            return 0.0
-        off = found[0][0] - found[1][0]
-        off[0] = wrap(float(off[0]))
-        return float(off @ np.linalg.solve(found[0][1] + found[1][1], off))
-
-    def _recent(self, problem: Problem, solution: Solution) -> Recent | None:
-        first = problem.frames - RECENT
-        if first < RECENT // 2:
-            return None
-        moved = problem.increments(solution.x.corrections).wheels_m[first:]
-        wheels = problem.wheels
-        if len(centres(pieces(moved, wheels.base_m, wheels.noise_k_m, wheels.tick_m))) < 2:
-            return None
-        alone = part_alone(problem, solution, first, problem.frames)
-        if alone is None:
-            return None
-        mount, slope = model.polar_from_cartesian(alone[0])
-        return float(problem.stamp_s[first]), mount, slope @ alone[1] @ slope.T
 
     def _outlook(self, problem: Problem) -> Outlook:
         robot, encoder = self._config.robot, self._config.encoder
@@ -338,6 +342,7 @@ class Batch:
             shown, found = nominal_information(problem, solution)
             self._prior_shown = self._prior_shown + shown
             information, step = search.opened(solution)
+            self._parts += from_prior(self._prior, solution.x.shared + step, information)
             self._prior = replace(self._prior, mean=solution.x.shared + step, information=information)
             self._prior_centres = centres(self._prior_centres + found)
         self._stretch.keyframes += rest

@@ -1,18 +1,103 @@
-"""A part of a drive, asked alone what the whole was asked."""
+"""Parts of a drive, asked alone what the whole was asked: how far apart do they lie, and what says the last one?
 
-from dataclasses import replace
+A covariance holds if the model does. What the model leaves out (motors that lag, wheels that slip in one turn and not
+in the next) stays alike for many steps, where residuals do not show it, and differs from part to part of the drive,
+where it does. So the parts' disagreement is a chi-square that must be about its degrees of freedom; where it is larger
+than chance allows, all variances grow by the ratio (Birge's).
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc, chdtri
 
-from omnivert.calibration.judging.observability import covariance_from_information
+from omnivert.angles import wrap
+from omnivert.calibration.judging.observability import centres, covariance_from_information, pieces
+from omnivert.calibration.kalman import model
 from omnivert.calibration.solver.normal import Unknowns
 from omnivert.calibration.solver.problem import GLOBALS, Prior, Problem, with_frames
 from omnivert.calibration.solver.smoother import Search, Solution
 
 Array = NDArray[np.float64]
 
+Recent = tuple[float, Array, Array]  # since when (s), phi, rho, psi (3,), covariance (3, 3)
+
+RECENT = 60  # keyframes, a last part of the drive that may show the mount alone
+CHANCE = 1e-3  # of parts that agree to lie as far apart
 PULL = 0.05  # share of the whole's information that keeps a part in its valley
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """How far apart they lie."""
+
+    chi: float
+    freedom: int
+
+    def __add__(self, other: "Parts") -> "Parts":
+        return Parts(self.chi + other.chi, self.freedom + other.freedom)
+
+    @property
+    def scatter(self) -> float:
+        """Times the variance that the model has; 1 where chance explains the parts' disagreement."""
+        if not self.freedom or chdtrc(self.freedom, self.chi) > CHANCE:
+            return 1.0
+        return self.chi / self.freedom
+
+    @property
+    def disagreement(self) -> float:
+        """As a chi-square of three degrees of freedom that is as unlikely."""
+        return float(chdtri(3.0, max(chdtrc(self.freedom, self.chi), 1e-300))) if self.freedom else 0.0
+
+
+AGREE = Parts(0.0, 0)  # there is only one
+
+
+def from_prior(prior: Prior, shared: Array, information: Array) -> Parts:
+    """A stretch against those before it, which have become its prior.
+
+    shared       (6,)    the solution of all of them, nothing held
+    information  (6, 6)  of all of them
+    """
+    if not prior.information[:3, :3].any():  # there was none before
+        return AGREE
+    moved = shared - prior.mean
+    moved[0] = wrap(float(moved[0]))
+    # Of the stretch alone m, H: its distance d from the prior (m0, H0) is H^-1 (H + H0) moved, and of chi-square
+    # d' (H^-1 + H0^-1)^-1 d = moved' (H + H0) H^-1 H0 moved.
+    own = information - prior.information
+    value, vector = np.linalg.eigh(0.5 * (own + own.T))
+    open_ = vector / np.maximum(value, 1e-6 * value[-1])
+    chi = float((information @ moved) @ (open_ @ (vector.T @ (prior.information @ moved))))
+    return Parts(max(chi, 0.0), GLOBALS)
+
+
+def halves(problem: Problem, solution: Solution) -> Parts:
+    """The halves of a stretch against each other."""
+    middle = problem.frames // 2
+    found = [part_alone(problem, solution, a, b) for a, b in ((0, middle), (middle, problem.frames))]
+    if found[0] is None or found[1] is None:
+        return AGREE
+    off = found[0][0] - found[1][0]
+    off[0] = wrap(float(off[0]))
+    return Parts(float(off @ np.linalg.solve(found[0][1] + found[1][1], off)), 3)
+
+
+def recent(problem: Problem, solution: Solution) -> Recent | None:
+    """The mount as the last part alone has it; None where that does not show it."""
+    first = problem.frames - RECENT
+    if first < RECENT // 2:
+        return None
+    moved = problem.increments(solution.x.corrections).wheels_m[first:]
+    wheels = problem.wheels
+    if len(centres(pieces(moved, wheels.base_m, wheels.noise_k_m, wheels.tick_m))) < 2:
+        return None
+    alone = part_alone(problem, solution, first, problem.frames)
+    if alone is None:
+        return None
+    mount, slope = model.polar_from_cartesian(alone[0])
+    return float(problem.stamp_s[first]), mount, slope @ alone[1] @ slope.T
 
 
 def part_alone(problem: Problem, solution: Solution, first: int, last: int) -> tuple[Array, Array] | None:

@@ -7,6 +7,7 @@ one wins. Paper: start from hand measurement. Here: this, because the filter div
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ FINALISTS = 3  # of the starts, that are annealed to the end
 ROUGH = 0.1  # rad: what dead reckoning may be off by
 STAGES = (0.3, 0.15, 0.08, 0.04, 0.02, 0.01, 0.005)  # rad, the annealing
 LINEAR_ROUNDS = 5
+DOUBTS = (1.0, 3.0)  # times K, where the wheels are in doubt: after how long a turn dead reckoning is lost
+PLACES = (None, np.zeros(2))  # there: the camera anywhere, or at first on the axis, which keeps it out of many valleys
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,12 +37,20 @@ class Start:
     gap: float  # -2 log likelihood by which the next best, different solution is worse; inf when there is none
 
 
-def started(problem: Problem, max_rho: float, starts: int, lines: int, place: Array | None = None) -> Start | None:
+def started(
+    problem: Problem,
+    max_rho: float,
+    starts: int,
+    lines: int,
+    place: Array | None = None,
+    finalists: int = FINALISTS,
+) -> Start | None:
     """The best mount for a whole stretch, from nothing; None when no start leads anywhere.
 
-    starts  values of eta that are followed up
-    lines   at most this many for the rough part, those seen most often
-    place   (2,)  m, where the camera is held on the robot; None: anywhere
+    starts     values of eta that are followed up
+    lines      at most this many for the rough part, those seen most often
+    place      (2,)  m, where the camera is held on the robot; None: anywhere
+    finalists  of the starts, that are annealed to the end
     """
     if place is not None:
         free = problem.prior.free & ~np.isin(np.arange(GLOBALS), (1, 2))
@@ -60,7 +71,7 @@ def started(problem: Problem, max_rho: float, starts: int, lines: int, place: Ar
         for mount in candidates(rough, pose, max_rho, starts, place)
     ]
     warm.sort(key=lambda s: s.score)
-    found = [search.annealed(s.x, STAGES[half:], 4) for s in warm[:FINALISTS]]
+    found = [search.annealed(s.x, STAGES[half:], 4) for s in warm[:finalists]]
     found = [s for s in found if float(np.hypot(*s.x.mount[1:])) <= 1.5 * max_rho]
     if not found:
         return None
@@ -78,6 +89,24 @@ def started(problem: Problem, max_rho: float, starts: int, lines: int, place: Ar
             gap = min(gap, other.score - best.score)
     whole = Search(problem)
     return Start(whole.annealed(unknowns(problem, best.x.pose, best.x.shared), STAGES[-3:], 4), gap)
+
+
+def started_wide(problem: Problem, corrections: Array, max_rho: float, starts: int, lines: int) -> Start | None:
+    """The same where wheels or clocks are not what is configured: from other corrections, with more starts.
+
+    corrections  (3,) to start from; those that the problem frees are then solved for with all else
+    """
+    held = replace(problem.prior, held=corrections, free=np.arange(GLOBALS) < 3)
+    search = Search(problem)
+    found: list[Start] = []
+    for doubt, place in product(DOUBTS, PLACES):
+        wheels = replace(problem.wheels, noise_k_m=doubt * problem.wheels.noise_k_m)
+        rough = started(
+            replace(problem, prior=held, wheels=wheels), max_rho, 2 * starts, lines, place, finalists=2 * FINALISTS
+        )
+        if rough is not None:
+            found.append(Start(search.annealed(rough.solution.x, STAGES[-4:], 6), rough.gap))
+    return min(found, key=lambda start: start.solution.score, default=None)
 
 
 def unknowns(problem: Problem, pose: Array, shared: Array) -> Unknowns:

@@ -23,6 +23,17 @@ STANDS = 0.5  # share of its sights that a line's place must explain
 RUN = 5  # rejected sights in a row that are taken for another line
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyed:
+    """A keyframe as it comes."""
+
+    stamp_s: float
+    wheels: Samples | None  # since the one before; None where their way is unknown
+    track: Index  # (N,)
+    beta: Array  # (N,) rad
+    std: Array  # (N,) rad
+
+
 @dataclass(slots=True, eq=False)
 class Keyframe:
     stamp_s: float
