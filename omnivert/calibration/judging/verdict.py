@@ -119,9 +119,8 @@ def verdict(shown: Shown, limits: Calibration, before: State) -> Verdict:
         return _all(State.NOT_YET, poor or broken, todo)
     against = unmet(shown, limits, before)
     limit = _limit(limits)
-    one_motion = Condition.CENTRES in against
     states = [
-        _state(float(s), float(b), _hold(limits, before), limits, one_motion) for s, b in zip(sigma, limit, strict=True)
+        _state(float(s), float(b), _hold(limits, before), limits, bool(poor)) for s, b in zip(sigma, limit, strict=True)
     ]
     reasons = ["", "", ""]
     # Of a camera on the axis, phi has no meaning: what is not apart from zero is not claimed.
@@ -163,8 +162,8 @@ def _sigmas(covariance: Array | None) -> Array | None:
     return np.asarray(np.sqrt(np.diag(covariance)), dtype=np.float64)
 
 
-def _state(sigma: float, limit: float, hold: float, limits: Calibration, one_motion: bool) -> State:
-    if one_motion or sigma > limits.usable_limits * limit:
+def _state(sigma: float, limit: float, hold: float, limits: Calibration, poor: bool) -> State:
+    if poor or sigma > limits.usable_limits * limit:
         return State.NOT_YET
     return State.CALIBRATED if sigma <= hold * limit else State.USABLE
 
