@@ -104,8 +104,7 @@ class Batch:
         self._prior_centres: list[Piece] = []
         self._centres: tuple[Piece, ...] | None = None  # of all keyframes; None when not known yet
         self._gap = 0.0
-        self._is_odd = False  # bearings turn otherwise than wheels and clocks are configured
-        self._is_far = False  # and by so much that one stretch alone is not believed
+        self._is_far = False  # bearings turn so differently from the wheels that one stretch alone is not believed
         self._searched = 0  # keyframes at the last global start
         self._searched_kinds = 0  # different centres of rotation in it
         self._keyframes = 0  # since the beginning
@@ -183,7 +182,7 @@ class Batch:
             found = search.continued(x, 12)
         kinds = len(self._all_centres())
         doubtful = found is None or self._gap < settings.clear_gap or not self._explains(problem, found)
-        doubtful |= self._noise.bearings > NOISY or self._is_odd
+        doubtful |= self._noise.bearings > NOISY or self._is_far
         growth = problem.frames / max(self._searched, 1)
         due = growth >= (1.15 if doubtful else 1.35)
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
@@ -206,9 +205,9 @@ class Batch:
         settings = self._config.calibration
         may = corrections.may_be_free(self._config)
         wanted = turning(problem, bool(may[0]), bool(may[2]))
-        self._is_odd = wanted is not None
         self._is_far = wanted is not None and bool((np.abs(wanted) > FAR * corrections.PRIOR_STD).any())
-        if wanted is None:
+        unclear = self._gap < settings.clear_gap or self._noise.bearings > NOISY
+        if wanted is None or not (self._is_far or unclear or found is None or not self._explains(problem, found)):
             return found
         before, self._free = self._free, may
         opened = self._opened(problem)
