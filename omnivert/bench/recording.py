@@ -27,7 +27,6 @@ WIDTH, HEIGHT, FRAMES_HZ, TICKS_HZ = 640, 480, 30, 100
 PATIENCE_S = 60.0  # for a disk that has fallen behind
 _HURRY_S = 0.02
 _PICTURES = 30  # distinct ones
-_SETTLED = 0.1  # share of the drive after which memory should not grow any more
 _NS = 1_000_000_000
 
 
@@ -40,7 +39,8 @@ class RecordingTimes:
     file_bytes       size of the recording
     cpu_s            that the recorder took for all of it
     cpu_share        of one core, live
-    memory_mb        of the recorder, when a tenth of the drive had passed and at its end
+    memory_mb        of the recorder: its lowest in the second and in the last tenth of the drive, which what only waits
+                     for the disk does not raise, and its highest
     sobel_pairs      time of the recorder for one frame, in pairs of Sobel filters over it
     pace             error of each message of a playback at speed 1, against its stamp
     sleep            the same error of a process that does nothing but sleep until then
@@ -53,7 +53,7 @@ class RecordingTimes:
     file_bytes: int
     cpu_s: float
     cpu_share: float
-    memory_mb: tuple[float, float]
+    memory_mb: tuple[float, float, float]
     sobel_pairs: float
     pace: Spread
     sleep: Spread
@@ -82,10 +82,9 @@ def recording_times(
         with process("services.recorder", file, "--output", str(path)) as recorder, Bus(private, "bridge", "x") as bus:
             await_services(bus, {"recorder"})
             began_s = _cpu_s(recorder.pid)
-            settled_mb = _sent(bus, pictures, seconds, speed, recorder.pid, moved)
+            memory_mb = _sent(bus, pictures, seconds, speed, recorder.pid, moved)
             frames, ticks = round(seconds * FRAMES_HZ), round(seconds * TICKS_HZ)
             _await_heard(bus, frames, ticks)
-            memory_mb = settled_mb, _memory_mb(recorder.pid)
             cpu_s = _cpu_s(recorder.pid) - began_s
         recording = Recording(path)
         kept = recording.counts[FRAME.key(private)] + recording.counts[TICKS.key(private)]
@@ -102,7 +101,7 @@ def recording_times(
         file_bytes=file_bytes,
         cpu_s=cpu_s,
         cpu_share=cpu_s / seconds,
-        memory_mb=memory_mb,
+        memory_mb=_memory_of(memory_mb),
         sobel_pairs=cpu_s / frames / sobel_s,
         pace=pace,
         sleep=Spread.of_seconds(_slept(min(play_s, seconds))),
@@ -147,9 +146,10 @@ def _messages(pictures: list[NDArray[np.uint8]], seconds: float) -> Iterator[Fra
 
 def _sent(
     bus: Bus, pictures: list[NDArray[np.uint8]], seconds: float, speed: float, pid: int, moved: Callable[[], None]
-) -> float:
-    """Sends the drive; returns the recorder's memory when it had settled, MB."""
-    due_s, before_s, settled_mb, told = time.monotonic(), 0.0, 0.0, 0
+) -> list[float]:
+    """Sends the drive; returns the recorder's memory at each frame, MB."""
+    due_s, before_s, told = time.monotonic(), 0.0, 0
+    memory_mb: list[float] = []
     for message in _messages(pictures, seconds):
         at_s = message.stamp_ns / _NS
         # Who has been held up does not hurry: no robot does, and a burst would be lost on the way.
@@ -159,12 +159,18 @@ def _sent(
         if bus.stopped:
             raise KeyboardInterrupt
         bus.publish(FRAME if isinstance(message, Frame) else TICKS, message)
-        if settled_mb == 0.0 and at_s >= _SETTLED * seconds:
-            settled_mb = _memory_mb(pid)
+        if isinstance(message, Frame):
+            memory_mb.append(_memory_mb(pid))
         while told < at_s:
             told += 1
             moved()
-    return settled_mb
+    return memory_mb
+
+
+def _memory_of(samples_mb: list[float]) -> tuple[float, float, float]:
+    """Lowest in the second and in the last tenth, and highest."""
+    tenth = max(len(samples_mb) // 10, 1)
+    return min(samples_mb[tenth : 2 * tenth] or samples_mb), min(samples_mb[-tenth:]), max(samples_mb)
 
 
 def _await_heard(bus: Bus, frames: int, ticks: int) -> None:

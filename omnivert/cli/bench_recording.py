@@ -36,13 +36,13 @@ def recording(
 
 
 def _tell(times: "RecordingTimes", speed: float) -> None:
-    settled, ended = times.memory_mb
+    settled, ended, most = times.memory_mb
     live = f"{100.0 * times.cpu_share:.1f} % of a core live, {times.sobel_pairs:.2f} Sobel pairs a frame"
     say.result(
         f"drive     {times.drive_s:.0f} s, {times.frames} frames, {times.ticks} ticks, sent {speed:g} times as fast"
     )
     say.result(f"file      {times.file_bytes / 1e6:.1f} MB, {times.lost} messages lost")
-    say.result(f"recorder  {live}; memory {settled:.0f} MB after a tenth, {ended:.0f} MB at the end")
+    say.result(f"recorder  {live}; memory {settled:.0f} MB after a tenth, {ended:.0f} at the end, {most:.0f} at most")
     for name, spread in (("playback", times.pace), ("a sleep", times.sleep)):
         said = f"off by {spread.median_ms:.2f} ms median, {spread.p99_ms:.2f} ms p99, of {spread.count} at speed 1"
         say.result(f"{name:<9} {said}")

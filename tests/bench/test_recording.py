@@ -59,6 +59,14 @@ def test_time_and_memory_are_those_of_the_process() -> None:
     assert _memory_mb(os.getpid()) - before_mb == pytest.approx(held.nbytes / 1e6, abs=10.0)
 
 
+def test_memory_that_only_waits_for_the_disk_is_no_growth() -> None:
+    samples = [50.0] * 100
+    samples[15:18] = samples[95:98] = [300.0] * 3
+    assert module._memory_of(samples) == (50.0, 50.0, 300.0)
+    assert module._memory_of([50.0 + k for k in range(100)]) == (60.0, 140.0, 149.0)
+    assert module._memory_of([7.0]) == (7.0, 7.0, 7.0)
+
+
 def test_a_disk_without_room_is_refused_before_it_begins(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="there is no room") as refused:
         recording_times(Config(), tmp_path, 1e9, 1.0, 1.0)
@@ -70,11 +78,11 @@ def test_the_command_prints_one_object(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     spread = Spread(0.1, 0.2, 3)
-    times = module.RecordingTimes(30, 100, 1.0, 0, 9, 0.1, 0.1, (50.0, 51.0), 2.0, spread, spread)
+    times = module.RecordingTimes(30, 100, 1.0, 0, 9, 0.1, 0.1, (50.0, 51.0, 60.0), 2.0, spread, spread)
     monkeypatch.setattr(module, "recording_times", lambda *given: times)
     assert run(["bench", "recording", "--folder", str(tmp_path), "--json"]) == 0
     body = json.loads(capsys.readouterr().out)
-    assert (body["lost"], body["memory_mb"], body["pace"]["p99_ms"]) == (0, [50.0, 51.0], 0.2)
+    assert (body["lost"], body["memory_mb"], body["pace"]["p99_ms"]) == (0, [50.0, 51.0, 60.0], 0.2)
     assert run(["bench", "recording", "--folder", str(tmp_path)]) == 0
     assert "recorder  10.0 % of a core live" in capsys.readouterr().out
     assert run(["bench", "recording", "--folder", str(tmp_path / "none")]) == 2
