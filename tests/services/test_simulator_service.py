@@ -24,6 +24,7 @@ from omnivert.vision.frontend import FrontEnd
 from omnivert.wire.bus import Bus, Router
 from omnivert.wire.channels import BEARINGS, DRIVE, FRAME, SCAN, TICKS
 from omnivert.wire.codec import encode
+from omnivert.wire.received import Received
 
 M = TypeVar("M", bound=Message)
 DEADLINE_S = 60.0  # also where the machine has to compile first
@@ -66,13 +67,21 @@ def service(name: str, file: Path, *more: str) -> Iterator["subprocess.Popen[byt
             process.terminate()
 
 
+Ears = Iterator[Received | None]
+
+
+def ears(bus: Bus) -> Ears:
+    """Everything that comes from now on."""
+    return bus.listen(TICKS, FRAME, SCAN, BEARINGS, DRIVE, period_s=0.1, every=True)
+
+
 def heard(
-    bus: Bus, holds: Callable[[list[Message]], bool], while_waiting: Callable[[], None] = lambda: None
+    listening: Ears, holds: Callable[[list[Message]], bool], while_waiting: Callable[[], None] = lambda: None
 ) -> list[Message]:
     """Everything that comes until it `holds` for what has come."""
     messages: list[Message] = []
     deadline = time.monotonic() + DEADLINE_S
-    for received in bus.listen(TICKS, FRAME, SCAN, BEARINGS, DRIVE, period_s=0.1, every=True):
+    for received in listening:
         if received is not None:
             assert not received.replay
             messages.append(received.message)
@@ -94,7 +103,7 @@ def test_it_gives_the_streams_of_a_bridge_in_real_time_until_its_path_ends(
     path.write_text("[[leg]]\nstraight_m = 0.15\n")
     options = ("--path", str(path), "--exit-when-done", "--wait-for", "vision")
     with Router(config), Bus(config, "test", "test") as bus, vision(file), simulator(file, *options) as robot:
-        messages = heard(bus, lambda found: len(of(found, Ticks)) >= 160)
+        messages = heard(ears(bus), lambda found: len(of(found, Ticks)) >= 160)
         now_ns = time.monotonic_ns()
         assert bus.await_presence(lambda: ("bridge", "front") in bus.present(), DEADLINE_S)
         assert robot.wait(DEADLINE_S) == 0
@@ -119,7 +128,7 @@ def test_it_gives_the_streams_of_a_bridge_in_real_time_until_its_path_ends(
 
 def test_commands_drive_it_and_when_they_cease_it_stops(config: Config, file: Path) -> None:
     with Router(config), Bus(config, "test", "test") as bus, simulator(file):
-        heard(bus, lambda found: len(of(found, Ticks)) > 5)
+        heard(ears(bus), lambda found: len(of(found, Ticks)) > 5)
 
         def forward() -> None:
             bus.publish(DRIVE, Drive(time.monotonic_ns(), 0.2, 0.0))
@@ -128,9 +137,9 @@ def test_commands_drive_it_and_when_they_cease_it_stops(config: Config, file: Pa
             ticks = of(messages, Ticks)
             return len(ticks) > 1 and (ticks[-1].left - ticks[0].left) * SCALE > 0.1
 
-        heard(bus, has_driven, forward)  # the bus gives a frame, ticks or nothing ten times a second and more
+        heard(ears(bus), has_driven, forward)  # the bus gives a frame, ticks or nothing ten times a second and more
         began = time.monotonic_ns()
-        messages = heard(bus, lambda found: stands(of(found, Ticks)))
+        messages = heard(ears(bus), lambda found: stands(of(found, Ticks)))
         moving = [
             b.stamp_ns
             for a, b in zip(of(messages, Ticks)[:-1], of(messages, Ticks)[1:], strict=True)
@@ -204,6 +213,7 @@ def terminal(config: Config, file: Path) -> Iterator[Terminal]:
 
 def test_keys_steer_and_the_terminal_is_given_back(config: Config, terminal: Terminal) -> None:
     with Bus(config, "test", "test") as bus:
+        listening = ears(bus)  # once, before the first key: what ends is said once
 
         def wanted(keys: bytes, forward: int, turn: int) -> Callable[[list[Message]], bool]:
             terminal.types(keys)
@@ -220,11 +230,11 @@ def test_keys_steer_and_the_terminal_is_given_back(config: Config, terminal: Ter
         terminal.until(lambda: "waiting" in terminal.shown)
         assert not terminal.restored()
         for keys, forward, turn in ((b"\x1b[A", 1, 0), (b"a", 0, 1), (b"\x1b[C", 0, -1), (b"s", -1, 0), (b"q", 1, 1)):
-            heard(bus, wanted(keys, forward, turn), terminal.read)
-        heard(bus, wanted(b" ", 0, 0), terminal.read)
+            heard(listening, wanted(keys, forward, turn), terminal.read)
+        heard(listening, wanted(b" ", 0, 0), terminal.read)
         terminal.until(lambda: "stands" in terminal.shown)
-        heard(bus, wanted(b"w", 1, 0), terminal.read)
-        heard(bus, wanted(b"x", 0, 0), terminal.read)  # and stops when it ends
+        heard(listening, wanted(b"w", 1, 0), terminal.read)
+        heard(listening, wanted(b"x", 0, 0), terminal.read)  # and stops when it ends
         terminal.until(lambda: terminal.process.poll() is not None)
     assert terminal.process.returncode == 0
     assert terminal.restored()

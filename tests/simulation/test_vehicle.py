@@ -37,7 +37,7 @@ def test_without_noise_the_wheels_do_what_they_are_told_and_the_counts_say_so() 
 
 
 def test_the_noise_of_each_wheel_has_variance_k_for_each_metre() -> None:
-    k, runs = 2e-4, 400
+    k, runs = 2e-4, 200
     ends = []
     for seed in range(runs):
         robot = vehicle(k, seed=seed)
