@@ -5,18 +5,20 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from math import radians
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omnivert.cli import say
+from omnivert.cli.keys import DOWN, ESCAPE, HUNG_UP, LEFT, RIGHT, UP, keys
 from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, RobotOption
-from omnivert.cli.strokes import check_terminal, strokes
 from omnivert.cli.whom import meant
+from omnivert.errors import UseError
 from omnivert.messages import Drive, Estimate, Health
 from omnivert.pictures.words import mark, printable, quantities, short, word
 
@@ -38,16 +40,17 @@ class Motion:
 
 STOP = Motion("■ stands", 0.0, 0.0)
 MOTIONS = {
-    "up": Motion("▲ forward", 1.0, 0.0),
-    "down": Motion("▼ back", -1.0, 0.0),
-    "left": Motion("↺ turns left", 0.0, 1.0),
-    "right": Motion("↻ turns right", 0.0, -1.0),
-    "q": Motion("⤴ arc left", 1.0, 1.0),
-    "e": Motion("⤵ arc right", 1.0, -1.0),
-    " ": STOP,
+    UP: Motion("▲ forward", 1.0, 0.0),
+    DOWN: Motion("▼ back", -1.0, 0.0),
+    LEFT: Motion("↺ turns left", 0.0, 1.0),
+    RIGHT: Motion("↻ turns right", 0.0, -1.0),
+    b"q": Motion("⤴ arc left", 1.0, 1.0),
+    b"e": Motion("⤵ arc right", 1.0, -1.0),
+    b" ": STOP,
 }
-MOTIONS |= {letter: MOTIONS[key] for letter, key in (("w", "up"), ("s", "down"), ("a", "left"), ("d", "right"))}
-ENDS = ("x", "escape", "end")
+MOTIONS |= {letter: MOTIONS[key] for letter, key in ((b"w", UP), (b"s", DOWN), (b"a", LEFT), (b"d", RIGHT))}
+MOTIONS |= {letter.upper(): motion for letter, motion in MOTIONS.items() if letter.isalpha()}
+ENDS = (b"x", b"X", ESCAPE, HUNG_UP)
 KEYS = "↑ ↓ or w s drive · ← → or a d turn · q e arcs · space stops · x ends"
 
 
@@ -64,22 +67,54 @@ def drive(
     """
     from omnivert.wire.bus import Bus
 
-    check_terminal()
-    chosen = meant(config, robot, connect, "drive")
-    with Bus(chosen, "drive", f"d{os.getpid()}", patience_s=PATIENCE_S) as bus, _followed(bus) as newest:
-        say.story(f"[bold]robot {chosen.robot.id}[/]   {KEYS}")
-        if not bus.await_presence(lambda: bool(bus.incarnations("bridge")), PATIENCE_S) and not bus.stopped:
-            say.story("[yellow]no robot is here[/]: omnivert up --sim office   # starts a simulated one")
-        motion: Motion | None = None  # None: nothing was asked for, so a path goes on
-        try:
-            with strokes() as keys:
-                while not bus.stopped and (key := keys.pressed(PERIOD_S)) not in ENDS:
-                    motion = MOTIONS.get(key or "", motion)
-                    _steer(bus, motion, speed, turn)
-                    _show(motion, newest)
-        finally:
-            _steer(bus, motion and STOP, speed, turn)
-            say.story("")
+    wheel = _Wheel()
+    with keys(wheel.actions()) as has_keys:
+        if not has_keys:
+            raise UseError("OV214", "there is no terminal to take keys from", "standard input is none")
+        chosen = meant(config, robot, connect, "drive")
+        with Bus(chosen, "drive", f"d{os.getpid()}", patience_s=PATIENCE_S) as bus, _followed(bus) as newest:
+            _drive(bus, wheel, newest, speed, turn)
+
+
+def _drive(bus: "Bus", wheel: "_Wheel", newest: "_Newest", speed: float, turn: float) -> None:
+    """Until the driver leaves, or the bus stops."""
+    say.story(f"[bold]robot {bus.config.robot.id}[/]   {KEYS}")
+    if not bus.await_presence(lambda: bool(bus.incarnations("bridge")), PATIENCE_S) and not bus.stopped:
+        say.story("[yellow]no robot is here[/]: omnivert up --sim office   # starts a simulated one")
+    try:
+        while not bus.stopped and not wheel.left:
+            _steer(bus, wheel.motion, speed, turn)
+            _show(wheel.motion, newest)
+            wheel.await_touch(PERIOD_S)
+    finally:
+        _steer(bus, wheel.motion and STOP, speed, turn)
+        say.story("")
+
+
+class _Wheel:
+    """What the keys ask for; they come from a thread of their own."""
+
+    def __init__(self) -> None:
+        self.motion: Motion | None = None  # None: nothing was asked for, so a path goes on
+        self.left = False
+        """Whether the driver has left."""
+        self._touched = threading.Event()
+
+    def actions(self) -> dict[bytes, Callable[[], None]]:
+        turns = {key: partial(self._turn, motion) for key, motion in MOTIONS.items()}
+        return {**turns, **dict.fromkeys(ENDS, self._leave)}
+
+    def await_touch(self, timeout_s: float) -> None:
+        self._touched.wait(timeout_s)
+        self._touched.clear()
+
+    def _turn(self, motion: Motion) -> None:
+        self.motion = motion
+        self._touched.set()
+
+    def _leave(self) -> None:
+        self.left = True
+        self._touched.set()
 
 
 @dataclass(slots=True)

@@ -9,8 +9,10 @@ import tty
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-RIGHT = b"\x1b[C"
-RIGHT_APPLICATION = b"\x1bOC"  # the same arrow, as terminals send it in their other mode
+UP, DOWN, RIGHT, LEFT = (b"\x1b[" + letter for letter in (b"A", b"B", b"C", b"D"))
+ESCAPE = b"\x1b"
+HUNG_UP = b""  # the terminal has gone, no key will come
+_APPLICATION = b"\x1bO"  # how terminals begin the same arrows in their other mode
 
 
 @contextmanager
@@ -49,17 +51,22 @@ def _listen(terminal: int, over: int, actions: Mapping[bytes, Callable[[], None]
         ready, _, _ = select.select([terminal, over], [], [])
         if over in ready:
             return
-        typed = os.read(terminal, 64)
-        if not typed:  # hung up
-            return
+        try:
+            typed = os.read(terminal, 64)
+        except OSError:
+            typed = HUNG_UP
         for key in _parted(typed):
             if key in actions:
                 actions[key]()
+        if typed == HUNG_UP:
+            return
 
 
 def _parted(typed: bytes) -> Iterator[bytes]:
     """What came at once, key by key."""
+    if typed == HUNG_UP:
+        yield HUNG_UP
     while typed:
-        length = 3 if typed[:2] in (b"\x1b[", b"\x1bO") else 1
-        yield typed[:length]
+        length = 3 if typed[:2] in (b"\x1b[", _APPLICATION) else 1
+        yield typed[:length].replace(_APPLICATION, b"\x1b[")
         typed = typed[length:]

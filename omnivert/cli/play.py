@@ -9,7 +9,7 @@ import typer
 from omnivert.cli import say
 from omnivert.cli.followed import followed
 from omnivert.cli.given import Given
-from omnivert.cli.keys import RIGHT, RIGHT_APPLICATION, keys
+from omnivert.cli.keys import RIGHT, keys
 from omnivert.cli.settings import (
     PATIENCE_S,
     ConfigOption,
@@ -90,5 +90,5 @@ def play(
 
 
 def _actions(controls: "Controls") -> dict[bytes, Callable[[], None]]:
-    steps = dict.fromkeys((b"n", RIGHT, RIGHT_APPLICATION), controls.step)
+    steps = dict.fromkeys((b"n", RIGHT), controls.step)
     return {b" ": controls.pause_or_go, b"q": controls.end, **steps}

@@ -98,7 +98,7 @@ def test_the_line_of_drive_says_motion_state_sigmas_and_what_next() -> None:
     part = ParameterVerdict(State.NOT_YET)
     mount = Mount(0.1, 0.2, 0.3, covariance)
     estimate = Estimate(1, 1, mount, State.NOT_YET, part, part, part, "turn 90 deg", 1.0, 1.0, 5, 0, 0)
-    said = line(MOTIONS["w"], estimate, 120)
+    said = line(MOTIONS[b"w"], estimate, 120)
     for part_of_it in ("forward", "not yet", "phi ±1.5 deg", "rho ±0.0040 m", "psi ±1.6 deg", "next: turn 90 deg"):
         assert part_of_it in said
     assert len(line(STOP, estimate, 40)) == 40

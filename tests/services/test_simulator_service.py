@@ -1,5 +1,6 @@
 """The simulated robot as a process on real zenoh: a bridge's streams in real time, by hand, never beside a bridge."""
 
+import fcntl
 import json
 import os
 import pty
@@ -171,9 +172,16 @@ class Terminal:
     def __init__(self, file: Path) -> None:
         self._ours, theirs = pty.openpty()
         self._theirs = theirs
-        self.before = termios.tcgetattr(theirs)
+        self.before = termios.tcgetattr(self._ours)
         command = [sys.executable, "-c", "from omnivert.cli import main; main()", "drive", "--config", str(file)]
-        self.process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
+        self.process = subprocess.Popen(
+            command,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+        )
         self.shown = ""
 
     def read(self) -> None:
@@ -191,7 +199,7 @@ class Terminal:
         os.write(self._ours, keys)
 
     def restored(self) -> bool:
-        return termios.tcgetattr(self._theirs) == self.before
+        return termios.tcgetattr(self._ours) == self.before
 
     def close(self) -> None:
         self.process.kill()
