@@ -60,7 +60,7 @@ ONE_ROOM = {
     "sqlite3": "omnivert/store.py",
     "numba": "omnivert/compiled.py",
     "serial": "omnivert/drivers/serial_line.py",
-    "tomlkit": "omnivert/cli/config_edit.py",
+    "tomlkit": "omnivert/cli/robot/config_edit.py",
     "rosbags": "omnivert/formats/rosbag_file.py",
     "foxglove": "omnivert/formats/foxglove_file.py",
 }

@@ -10,28 +10,13 @@ from typing import Annotated
 import typer
 
 import omnivert
-from omnivert.cli import (
-    bench,
-    calibrate,
-    demo,
-    doctor,
-    drive,
-    explain,
-    extrinsics,
-    import_,
-    monitor,
-    montecarlo,
-    play,
-    rec,
-    record,
-    say,
-    setup,
-    show_config,
-    simulate,
-    track,
-    up,
-)
+from omnivert.cli import say
+from omnivert.cli.bench import app as bench
+from omnivert.cli.explain import command as explain
 from omnivert.cli.interrupts import INTERRUPTED, TERMINATED, interruptible
+from omnivert.cli.offline import calibrate, montecarlo, simulate, track
+from omnivert.cli.recordings import import_, play, rec, record
+from omnivert.cli.robot import demo, doctor, drive, extrinsics, monitor, setup, show_config, up
 from omnivert.errors import DataError, OmnivertError, UseError
 
 app = typer.Typer(

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from omnivert.cli import explanations
-from omnivert.cli.show_config import annotated
+from omnivert.cli.explain import explanations
+from omnivert.cli.robot.show_config import annotated
 from omnivert.config import Config, parsed
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
@@ -196,7 +196,7 @@ def test_an_end_point_of_no_form_is_wrong_use(omnivert: Any, end_point: str) -> 
 
 
 def test_no_router_is_said_in_one_line(omnivert: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("omnivert.cli.monitor.PATIENCE_S", 0.1)
+    monkeypatch.setattr("omnivert.cli.robot.monitor.PATIENCE_S", 0.1)
     ran = omnivert("monitor", "--once", "--connect", f"unixsock-stream/{tmp_path}/none.sock")
     assert ran.code == 1
     assert "error[OV401]" in ran.err

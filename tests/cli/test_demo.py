@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from omnivert.cli.demo_watch import Heard
+from omnivert.cli.robot.demo_watch import Heard
 from omnivert.messages import Estimate, Extrinsics, Mount, ParameterVerdict, Playback, Receipt, State
 from omnivert.store import Store
 from tests.processes import own

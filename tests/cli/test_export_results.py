@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from omnivert.cli.export_results import foxglove, rosbag
+from omnivert.cli.recordings.export_results import foxglove, rosbag
 from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.formats.rosbag_file import Bag

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from omnivert.cli.show_config import annotated
+from omnivert.cli.robot.show_config import annotated
 from omnivert.messages import Ticks
 from omnivert.wire.recording import Recording
 from tests.formats.bags import ORIGIN_NS, RIG, BagMaker, small_drive

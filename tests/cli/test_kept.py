@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from omnivert.cli.kept import Before
-from omnivert.cli.supervisor import Event, Happened
-from omnivert.cli.troubles import Troubles
+from omnivert.cli.robot.kept import Before
+from omnivert.cli.robot.supervisor import Event, Happened
+from omnivert.cli.robot.troubles import Troubles
 from omnivert.config import Config, parsed
 from omnivert.store import Store
 

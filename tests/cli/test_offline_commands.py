@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from omnivert.cli import results
-from omnivert.cli.calibrate import Outcome, refusal
 from omnivert.cli.given import missing
+from omnivert.cli.offline import results
+from omnivert.cli.offline.calibrate import Outcome, refusal
 from omnivert.cli.outputs import check_outputs
 from omnivert.errors import DataError
 from omnivert.messages import Estimate, Mount, ParameterVerdict, State

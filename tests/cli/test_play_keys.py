@@ -18,8 +18,8 @@ import pytest
 from rich.console import Console
 
 from omnivert.cli import say
-from omnivert.cli.followed import followed_from_outside
 from omnivert.cli.keys import keys
+from omnivert.cli.recordings.followed import followed_from_outside
 from omnivert.config import parsed
 from omnivert.messages import Frame, Playback
 from omnivert.wire.bus import Bus, Received, Router

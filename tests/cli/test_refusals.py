@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from omnivert.cli.explanations import EXPLANATIONS
+from omnivert.cli.explain.explanations import EXPLANATIONS
 
 PROJECT = Path(__file__).resolve().parents[2]
 SOURCES = sorted(path for top in ("omnivert", "services") for path in (PROJECT / top).rglob("*.py"))

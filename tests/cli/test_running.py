@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 import pytest
 
-from omnivert.cli import up
 from omnivert.cli.interrupts import held_back, interruptible
+from omnivert.cli.robot import up
 from omnivert.cli.settings import opened
 from omnivert.config import Config, load, parsed
 from omnivert.wire.bus import Bus, Router
@@ -89,7 +89,7 @@ def test_a_signal_ends_a_calibration_as_ctrl_c_does(number: int) -> None:
 
 
 def test_a_command_puts_in_order_what_it_began_when_it_is_told_to_end() -> None:
-    ends = "import os, signal, sys\nfrom omnivert.cli import app, track\n"
+    ends = "import os, signal, sys\nfrom omnivert.cli.offline import track\n"
     ends += "def told(*rest):\n    try:\n        os.kill(os.getpid(), signal.SIGTERM)\n        signal.pause()\n"
     ends += "    finally:\n        print('in order')\ntrack._report = told\nfrom omnivert.cli import main\nmain()"
     command = [sys.executable, "-c", ends, "track", "corridor"]
@@ -99,7 +99,7 @@ def test_a_command_puts_in_order_what_it_began_when_it_is_told_to_end() -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_that_a_library_makes_another_error_of_is_one_all_the_same(number: int) -> None:
-    ends = "import os, signal, sys\nfrom omnivert.cli import app, explain\n"
+    ends = "import os, signal, sys\nfrom omnivert.cli import app\nfrom omnivert.cli.explain import command\n"
     ends += f"def told(*rest, **more):\n    try:\n        os.kill(os.getpid(), {int(number)})\n        signal.pause()\n"
     ends += "    except KeyboardInterrupt as error:\n        raise ValueError('from a callback') from error\n"
     ends += "app.app = told\nfrom omnivert.cli import main\nmain()"

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import pytest
 
-from omnivert.cli import shots
-from omnivert.cli.config_edit import edit, edited
+from omnivert.cli.robot import shots
+from omnivert.cli.robot.config_edit import edit, edited
 from omnivert.config import Config, load, parsed
 from omnivert.errors import UseError
 

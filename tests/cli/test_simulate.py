@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from omnivert.cli.demo_watch import Heard
-from omnivert.cli.drive import MOTIONS, STOP, line
+from omnivert.cli.robot.demo_watch import Heard
+from omnivert.cli.robot.drive import MOTIONS, STOP, line
 from omnivert.messages import Estimate, Frame, Mount, ParameterVerdict, PixelFormat, State
 from omnivert.wire.recording import Recording
 

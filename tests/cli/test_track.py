@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from omnivert.bench.vision import raw
-from omnivert.cli import drawn
-from omnivert.cli.drawn import CODECS, Video, fitted, frame_rate_hz
+from omnivert.cli.offline import drawn
+from omnivert.cli.offline.drawn import CODECS, Video, fitted, frame_rate_hz
 from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Frame, Looks, MeetingPoint, PixelFormat

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from omnivert.cli.robot.show_config import annotated
 from omnivert.cli.settings import with_mode
-from omnivert.cli.show_config import annotated
 from omnivert.config import Config, load
 from omnivert.drivers.protocols.omnivert_line import OmnivertLine
 from omnivert.drivers.protocols.sample import Sample

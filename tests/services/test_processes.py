@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 
-from omnivert.cli.supervisor import Event, Happened, Supervisor
+from omnivert.cli.robot.supervisor import Event, Happened, Supervisor
 from omnivert.config import Config, load
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Health, Message, Playback, Receipt, Ticks
 from omnivert.offline import calibrated

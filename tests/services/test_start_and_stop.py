@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from omnivert.cli.supervisor import Event, Happened, Supervisor
+from omnivert.cli.robot.supervisor import Event, Happened, Supervisor
 from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.messages import Health, Ticks
@@ -254,7 +254,7 @@ def test_who_is_used_wrongly_is_not_started_again(folder: Path) -> None:
 
 def test_when_the_supervisor_is_killed_its_services_stop(file: Path) -> None:
     program = (
-        "import sys; from pathlib import Path; from omnivert.cli.supervisor import Supervisor\n"
+        "import sys; from pathlib import Path; from omnivert.cli.robot.supervisor import Supervisor\n"
         "with Supervisor(Path(sys.argv[1]), lambda event: print(event, flush=True)) as supervisor:\n"
         "    supervisor.start('router'); supervisor.wait('router')\n"
     )
@@ -269,7 +269,7 @@ def test_when_the_supervisor_is_killed_its_services_stop(file: Path) -> None:
 
 def test_sigterm_stops_the_supervisor_and_its_services(file: Path) -> None:
     program = (
-        "import sys; from pathlib import Path; from omnivert.cli.supervisor import Supervisor\n"
+        "import sys; from pathlib import Path; from omnivert.cli.robot.supervisor import Supervisor\n"
         "with Supervisor(Path(sys.argv[1]), lambda event: print(event, flush=True)) as supervisor:\n"
         "    supervisor.start('router'); supervisor.wait_for_signal()\n"
     )

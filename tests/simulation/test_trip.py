@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from omnivert.cli.simulate import PathOption, WorldOption
+from omnivert.cli.offline.simulate import PathOption, WorldOption
 from omnivert.config import Config, parsed
 from omnivert.errors import DataError, UseError
 from omnivert.formats.frames_import import import_frames

@@ -31,7 +31,7 @@ from omnivert.wire.channels import BEARINGS, FRAME
 
 if TYPE_CHECKING:
     from omnivert.bench.score.score import Score
-    from omnivert.cli.drawn import Video
+    from omnivert.cli.offline.drawn import Video
     from omnivert.config import Config
     from omnivert.vision.account import Account
     from omnivert.wire.recording import Recording
@@ -72,7 +72,7 @@ def track(
     files = {"--csv": csv_path, "--centers": centers, "--video": video}
     check_distinct(inputs, {**files, "--draw": draw})
     if video is not None:
-        from omnivert.cli.drawn import check_video
+        from omnivert.cli.offline.drawn import check_video
 
         check_video(video)
     if draw is not None:
@@ -105,7 +105,7 @@ def track(
 
 def _film(path: Path, source: "Recording", config: "Config") -> "Video":
     """A video still without pictures, at the pace of the recording's frames."""
-    from omnivert.cli.drawn import Video, frame_rate_hz
+    from omnivert.cli.offline.drawn import Video, frame_rate_hz
 
     stamps = [message.stamp_ns for _, message in source.messages(types=(Frame,))]
     return Video(path, frame_rate_hz(stamps, config.camera.frame_rate_hz))
@@ -116,7 +116,7 @@ def _drawn(source: "Recording", config: "Config", folder: Path | None, film: "Vi
 
     A frame that cannot be read leaves no picture, and in the video a dark one with the reasons.
     """
-    from omnivert.cli.drawn import dark_frame, drawn_frame, write_drawn
+    from omnivert.cli.offline.drawn import dark_frame, drawn_frame, write_drawn
     from omnivert.offline import seen
 
     for index, (frame, bearings) in enumerate(seen(source, config)):

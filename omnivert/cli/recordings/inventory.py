@@ -8,7 +8,7 @@ from math import degrees
 from typing import TYPE_CHECKING, Any
 
 from omnivert.cli.given import Given, missing
-from omnivert.cli.results import aligned
+from omnivert.cli.offline.results import aligned
 from omnivert.config import Config
 from omnivert.messages import Bearings, Frame, Health, Ticks
 from omnivert.odometry import Odometer

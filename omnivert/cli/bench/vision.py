@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omnivert.cli import results, say
+from omnivert.cli import say
 from omnivert.cli.given import count
+from omnivert.cli.offline import results
 from omnivert.cli.settings import PACKAGED, ConfigOption, JsonOption, ModeOption, opened, settings, title, with_mode
 from omnivert.errors import DataError
 from omnivert.wire.channels import FRAME

@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from omnivert.cli import results, say
+from omnivert.cli import say
+from omnivert.cli.offline import results
 
 if TYPE_CHECKING:
     from omnivert.studies.presets import Case

@@ -12,18 +12,18 @@ import typer
 from rich.markup import escape
 
 from omnivert.cli import say
-from omnivert.cli.followed import followed_from_outside
 from omnivert.cli.given import count
-from omnivert.cli.kept import Before
+from omnivert.cli.offline.simulate import check_names
 from omnivert.cli.outputs import check_distinct, check_new_recording
+from omnivert.cli.recordings.followed import followed_from_outside
+from omnivert.cli.robot.kept import Before
 from omnivert.cli.settings import opened, recording_path, rig_of, settings, title
-from omnivert.cli.simulate import check_names
 from omnivert.config import Config
 from omnivert.errors import UseError
 from omnivert.wire.channels import BEARINGS, FRAME
 
 if TYPE_CHECKING:
-    from omnivert.cli.supervisor import Event
+    from omnivert.cli.robot.supervisor import Event
 
 SERVICES = ("router", "bridge", "vision", "calibration", "storage")
 CONSUMERS = "vision,calibration,storage"  # the player waits for them
@@ -47,8 +47,8 @@ def up(
     ] = None,
 ) -> None:
     """Start router, bridge, vision, calibration and storage; restart what dies; ctrl-c stops all."""
-    from omnivert.cli.supervisor import Happened, Supervisor
-    from omnivert.cli.troubles import Troubles
+    from omnivert.cli.robot.supervisor import Happened, Supervisor
+    from omnivert.cli.robot.troubles import Troubles
 
     _check(config, record, play, sim, speed, loop)
     _check_simulated(sim, path, play)

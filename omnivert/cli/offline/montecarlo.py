@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from omnivert.cli import results, say
-from omnivert.cli.montecarlo_watched import WATCHED, watched
+from omnivert.cli import say
+from omnivert.cli.offline import results
+from omnivert.cli.offline.montecarlo_watched import WATCHED, watched
+from omnivert.cli.offline.study_targets import numbers, tell_targets
 from omnivert.cli.outputs import made_folder
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
-from omnivert.cli.study_targets import numbers, tell_targets
 from omnivert.errors import UseError
 
 if TYPE_CHECKING:

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omnivert.cli import results, say
+from omnivert.cli import say
 from omnivert.cli.given import count
+from omnivert.cli.offline import results
 from omnivert.cli.settings import PACKAGED, ConfigOption, JsonOption, opened, settings, title
 from omnivert.errors import DataError
 from omnivert.wire.channels import FRAME

@@ -29,7 +29,7 @@ def root() -> None:
 @app.command("info")
 def info(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     """What a recording holds, stream by stream, how far was driven, and whether its file is sound."""
-    from omnivert.cli.inventory import inventory
+    from omnivert.cli.recordings.inventory import inventory
 
     source = opened(recording)
     with say.progress("reading", source.counts.total()) as bar:

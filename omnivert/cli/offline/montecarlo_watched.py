@@ -4,9 +4,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omnivert.cli import results, say
+from omnivert.cli import say
+from omnivert.cli.offline import results
+from omnivert.cli.offline.study_targets import numbers, tell_targets
 from omnivert.cli.outputs import made_folder
-from omnivert.cli.study_targets import numbers, tell_targets
 
 if TYPE_CHECKING:
     from omnivert.config import Config

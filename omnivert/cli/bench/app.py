@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omnivert.cli import bench_recording, bench_ticks, bench_vision, results, say
+from omnivert.cli import say
+from omnivert.cli.bench import recording as bench_recording
+from omnivert.cli.bench import ticks as bench_ticks
+from omnivert.cli.bench import vision as bench_vision
 from omnivert.cli.given import count
+from omnivert.cli.offline import results
 from omnivert.cli.settings import PACKAGED, ConfigOption, JsonOption, ModeOption, opened, settings, title, with_mode
 from omnivert.errors import DataError
 from omnivert.wire.channels import FRAME

@@ -14,7 +14,7 @@ from omnivert.config import Config, MirrorRing
 from omnivert.errors import DataError
 
 if TYPE_CHECKING:
-    from omnivert.cli.shots import Shots
+    from omnivert.cli.robot.shots import Shots
     from omnivert.vision.inner import Inner
     from omnivert.vision.survey import Rim
 
@@ -46,7 +46,7 @@ def ring(
     as_json: JsonOption = False,
 ) -> None:
     """Find the mirror's centre, Rmin and Rmax in one or more pictures; those of several places make it surer."""
-    from omnivert.cli.config_edit import check_editable, edit
+    from omnivert.cli.robot.config_edit import check_editable, edit
 
     chosen = settings(config)
     if config is not None:
@@ -54,7 +54,7 @@ def ring(
     sources = pictures or []
     inputs = {f"picture {source}": Path(source) for source in sources}
     check_outputs({**inputs, "configuration": config}, {"--picture": picture})
-    from omnivert.cli.shots import shots
+    from omnivert.cli.robot.shots import shots
     from omnivert.threads import one_thread
     from omnivert.vision.inner import inner_radius
     from omnivert.vision.survey import NoRim, surveyed
@@ -126,7 +126,7 @@ def _approved(config: Path, chosen: Config, changes: dict[str, dict[str, Any]], 
 
 
 def _draw(path: Path, taken: "Shots", rim: "Rim", inner: "Inner", found: MirrorRing) -> None:
-    from omnivert.cli.drawn import write_drawn
+    from omnivert.cli.offline.drawn import write_drawn
     from omnivert.pictures.ring_drawn import ring_picture
 
     shown = rim.used[len(rim.used) // 2]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from omnivert.cli import say
-from omnivert.cli.followed import followed
 from omnivert.cli.given import Given
 from omnivert.cli.keys import RIGHT, keys
+from omnivert.cli.recordings.followed import followed
 from omnivert.cli.settings import (
     PATIENCE_S,
     ConfigOption,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omnivert.cli.imported import imported
+from omnivert.cli.recordings.imported import imported
 from omnivert.cli.settings import ConfigOption, JsonOption
 
 if TYPE_CHECKING:

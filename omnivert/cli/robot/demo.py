@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omnivert.cli import results, say
-from omnivert.cli.demo_watch import Heard, await_frame, watched
+from omnivert.cli import say
+from omnivert.cli.offline import results
+from omnivert.cli.offline.simulate import PATH, WORLD, PathOption, WorldOption, staged
 from omnivert.cli.outputs import check_outputs, made_folder
+from omnivert.cli.robot.demo_watch import Heard, await_frame, watched
 from omnivert.cli.settings import PACKAGED, JsonOption, opened, recording_path
-from omnivert.cli.simulate import PATH, WORLD, PathOption, WorldOption, staged
 from omnivert.config import Config, parsed
 from omnivert.errors import DataError, UseError
 from omnivert.messages import Extrinsics, Frame
 from omnivert.pictures.words import word
 
 if TYPE_CHECKING:
-    from omnivert.cli.supervisor import Supervisor
-    from omnivert.cli.troubles import Troubles
+    from omnivert.cli.robot.supervisor import Supervisor
+    from omnivert.cli.robot.troubles import Troubles
     from omnivert.simulation.trip import Trip
     from omnivert.wire.bus import Bus
     from omnivert.wire.recording import Recording
@@ -127,8 +128,8 @@ def driven(
 @contextmanager
 def _services(config: Config, private: Path, began: float) -> Iterator[tuple["Supervisor", "Bus", "Troubles"]]:
     """The services, up and at work."""
-    from omnivert.cli.supervisor import Supervisor
-    from omnivert.cli.troubles import START_S, Troubles, await_services
+    from omnivert.cli.robot.supervisor import Supervisor
+    from omnivert.cli.robot.troubles import START_S, Troubles, await_services
     from omnivert.wire.bus import Bus
 
     file = private / "demo.json"
@@ -200,7 +201,7 @@ def _last_frame(source: "Recording") -> Frame | None:
 
 
 def _draw(picture: Path, last: Frame | None, config: Config, heard: Heard, truth: results.Truth | None) -> None:
-    from omnivert.cli.drawn import drawn_frame
+    from omnivert.cli.offline.drawn import drawn_frame
     from omnivert.pictures.result import write_result
 
     drawn = None

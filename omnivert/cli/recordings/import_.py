@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from omnivert.cli.import_rosbag import rosbag
-from omnivert.cli.imported import imported
+from omnivert.cli.recordings.import_rosbag import rosbag
+from omnivert.cli.recordings.imported import imported
 from omnivert.cli.settings import ConfigOption, JsonOption
 
 app = typer.Typer(help="Turn other people's files into a recording.")

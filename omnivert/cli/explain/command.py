@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from omnivert.cli import say
-from omnivert.cli.explanation import Explanation
-from omnivert.cli.explanations import EXPLANATIONS
+from omnivert.cli.explain.explanation import Explanation
+from omnivert.cli.explain.explanations import EXPLANATIONS
 from omnivert.cli.settings import JsonOption
 from omnivert.errors import UseError
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from omnivert.cli import results, say
+from omnivert.cli import say
+from omnivert.cli.offline import results
 from omnivert.cli.outputs import check_outputs
 from omnivert.cli.settings import ConfigOption, JsonOption, RobotOption, settings, with_camera
 from omnivert.errors import DataError, UseError

@@ -14,7 +14,7 @@ from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Message, Mo
 from omnivert.pictures.words import colour, printable, quantities, short, word
 
 if TYPE_CHECKING:
-    from omnivert.cli.troubles import Troubles
+    from omnivert.cli.robot.troubles import Troubles
     from omnivert.wire.bus import Bus
 
 SILENCE_S = 20.0  # nothing at all for so long: something is wrong
@@ -140,7 +140,7 @@ def await_frame(bus: "Bus", troubles: "Troubles") -> int:
 
     raises  DataError when none comes, KeyboardInterrupt when the bus was stopped
     """
-    from omnivert.cli.troubles import COMPILED_S
+    from omnivert.cli.robot.troubles import COMPILED_S
     from omnivert.wire.channels import FRAME
 
     began = time.monotonic()

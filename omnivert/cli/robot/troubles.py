@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 
 from omnivert.cli import say
-from omnivert.cli.supervisor import Event, Happened
+from omnivert.cli.robot.supervisor import Event, Happened
 from omnivert.errors import DataError
 
 if TYPE_CHECKING:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omnivert.cli import results, say
-from omnivert.cli.drawn import drawn_frame
+from omnivert.cli import say
 from omnivert.cli.given import Given
+from omnivert.cli.offline import results
+from omnivert.cli.offline.drawn import drawn_frame
 from omnivert.cli.outputs import check_outputs
 from omnivert.cli.settings import (
     ConfigOption,

@@ -1,0 +1,1 @@
+"""Commands that calculate without a robot: from a recording, or from none."""

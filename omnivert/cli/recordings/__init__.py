@@ -1,0 +1,1 @@
+"""Commands that make, play, take apart and translate recordings."""
