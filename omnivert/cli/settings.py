@@ -113,7 +113,8 @@ def recording_path(name: str) -> Path:
             )
         return packaged
     if path.is_dir():
-        kind = "bearings" if (path / "bearings.csv").exists() else "frames"
+        marks = {"bearings.csv": "bearings", "metadata.yaml": "rosbag"}  # files that only such a folder has
+        kind = next((kind for name, kind in marks.items() if (path / name).exists()), "frames")
         help = f"omnivert import {kind} {name} -o drive.mcap   # makes a recording of a folder"
         raise UseError("OV321", f"{name} is a folder", "a recording is one file", help)
     if path.exists() and not path.is_file():

@@ -73,3 +73,9 @@ def test_without_the_library_one_line_says_how_to_get_it(bag: Path, tmp_path: Pa
         "  because  the library rosbags is not installed",
         "  help     pip install 'omnivert[ros]'",
     ]
+
+
+def test_whoever_would_calibrate_a_bag_is_told_to_import_it(omnivert: Any, bag: Path) -> None:
+    refused = omnivert("calibrate", bag)
+    assert refused.code == 2
+    assert f"help     omnivert import rosbag {bag} -o drive.mcap" in refused.err

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
@@ -167,6 +167,7 @@ def test_ring_and_lines_are_drawn_over_the_picture(tmp_path: Path) -> None:
     assert colours == [NEW, NEW, MOVING]
 
 
+@settings(max_examples=40)
 @given(
     angles=st.lists(st.floats(-3.1, 3.1), min_size=1, max_size=6), sign=st.sampled_from((1, -1)), meets=st.booleans()
 )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnivert.errors import DataError, UseError
@@ -57,6 +57,7 @@ def test_every_mount_is_a_pose_and_only_trusted_ones_are_transforms(tmp_path: Pa
         assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)))
 
 
+@settings(max_examples=25)
 @given(phi=st.floats(-3.1, 3.1), rho=st.floats(0.05, 2.0), psi=st.floats(-3.1, 3.1))
 def test_the_covariance_is_that_of_places_drawn_by_it(phi: float, rho: float, psi: float) -> None:
     drawn = np.random.default_rng(1).multivariate_normal((phi, rho, psi), 1e-4 * SPREAD, size=4000)

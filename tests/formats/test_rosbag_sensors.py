@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -109,6 +109,7 @@ def test_a_bayer_pattern_gives_the_grey_of_its_colours(order: str, bits: int) ->
     assert np.abs(made.data.astype(int) - grey).max() <= 1
 
 
+@settings(max_examples=25)
 @given(grey=arrays(np.uint8, (HEIGHT, WIDTH)), fill=st.integers(0, 9))
 def test_any_grey_picture_comes_through(grey: Pixels, fill: int) -> None:
     assert np.array_equal(frame(image(grey, "mono8", fill), 1).data.reshape(grey.shape), grey)
