@@ -71,6 +71,18 @@ def test_a_bag_has_the_times_of_the_bag_that_the_drive_came_from(recording: Path
     assert stamps == [ORIGIN_NS + k * 10**9 for k in range(1, 4)]
 
 
+def test_the_command_takes_one_place_to_write_to(omnivert: Any, recording: Path, tmp_path: Path) -> None:
+    told = omnivert("rec", "export", recording, "--foxglove", tmp_path / "out.mcap", "--json").json
+    assert (told["file"], told["messages"]["Estimate"]) == (str(tmp_path / "out.mcap"), 3)
+    told = omnivert("rec", "export", recording, "--rosbag", tmp_path / "result", "--json").json
+    assert told == {"bag": str(tmp_path / "result"), "messages": {"/omnivert/front/mount": 3, "/tf": 3}}
+    again = omnivert("rec", "export", recording, "--rosbag", tmp_path / "result")
+    assert (again.code, "exists already" in again.err) == (2, True)
+    for wrong in ((), ("--rosbag", tmp_path / "a", "--foxglove", tmp_path / "b")):
+        refused = omnivert("rec", "export", recording, *wrong)
+        assert (refused.code, "where to?" in refused.err) == (2, True)
+
+
 def test_results_that_were_not_recorded_are_made(straight: Path, tmp_path: Path) -> None:
     foxglove(str(straight), tmp_path / "out.mcap")
     found = topics(tmp_path / "out.mcap")

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from omnivert.cli import say
+from omnivert.cli import export_results, say
 from omnivert.cli.outputs import check_distinct, check_new_folder, check_new_recording
-from omnivert.cli.settings import JsonOption, RecordingArgument, opened, title
+from omnivert.cli.settings import ConfigOption, JsonOption, RecordingArgument, opened, title
 from omnivert.errors import UseError
 
 if TYPE_CHECKING:
@@ -87,10 +87,38 @@ def merge(
 @app.command("export")
 def export(
     recording: RecordingArgument,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write; new, or empty.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="DIR", help="Plain files: a folder, new or empty.")
+    ] = None,
+    foxglove: Annotated[
+        Path | None, typer.Option(metavar="OUT.mcap", help="Sensors, lines and estimates for Foxglove, and a layout.")
+    ] = None,
+    rosbag: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="Estimates for ROS 2, a folder; for ROS 1 where it ends in .bag.")
+    ] = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """A recording as plain files, of which omnivert import makes the same messages again."""
+    """A recording for other programs: plain files, of which omnivert import makes the same messages again, or results.
+
+    Results that were not recorded are worked out on the way, with --config where it is given.
+    """
+    match output, foxglove, rosbag:
+        case Path(), None, None:
+            _as_folder(recording, output, as_json)
+        case None, Path(), None:
+            export_results.foxglove(recording, foxglove, config, as_json)
+        case None, None, Path():
+            export_results.rosbag(recording, rosbag, config, as_json)
+        case _:
+            because, help = (
+                "one of -o, --foxglove and --rosbag says what is to be written",
+                "omnivert rec export --help",
+            )
+            raise UseError("OV205", "omnivert rec export: where to?", because, help)
+
+
+def _as_folder(recording: str, output: Path, as_json: bool) -> None:
     from omnivert.formats import folder_export
 
     source = opened(recording)
