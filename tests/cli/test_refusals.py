@@ -14,9 +14,12 @@ SOURCES = sorted(path for top in ("omnivert", "services") for path in (PROJECT /
 GROUPS = {
     "import": {"frames", "bearings", "rosbag"},
     "extrinsics": {"list", "show", "history", "export"},
-    "bench": {"pipeline", "vision"},
+    "bench": {"pipeline", "vision", "ticks"},
+    "rec": {"info", "cut", "merge", "export"},
+    "setup": {"ring"},
 }
-SINGLE = {"demo", "up", "monitor", "record", "play", "calibrate", "track", "config", "explain"}
+SINGLE = {"demo", "up", "monitor", "drive", "record", "play"}
+SINGLE |= {"calibrate", "track", "doctor", "simulate", "config", "explain"}
 
 
 def texts(node: ast.AST) -> list[str]:
@@ -34,7 +37,7 @@ def helps() -> list[str]:
     return found
 
 
-COMMAND = re.compile(r"\bomnivert ([a-z]+)(?: ([a-z]+))?([^,;\n]*)")
+COMMAND = re.compile(r"\bomnivert ([a-z]+)(?: ([a-z]+))?((?:(?!\bomnivert\b)[^,;\n])*)")
 NAMED = sorted({match for text in helps() for match in COMMAND.findall(text)})
 
 
