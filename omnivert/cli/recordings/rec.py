@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from omnivert.cli import export_results, say
+from omnivert.cli import say
+from omnivert.cli.recordings import export_results
 from omnivert.cli.outputs import check_distinct, check_new_folder, check_new_recording
 from omnivert.cli.settings import ConfigOption, JsonOption, RecordingArgument, opened, title
 from omnivert.errors import UseError
