@@ -38,6 +38,18 @@ def test_a_preset_shows_its_targets_beside_the_figures(omnivert: Omnivert) -> No
     assert sum(line.startswith("false calibrated") and line.endswith("✓") for line in ran.out.splitlines()) == 8
 
 
+def test_knocks_are_told_by_kind_with_their_targets(omnivert: Omnivert, tmp_path: Path) -> None:
+    ran = omnivert("montecarlo", "--preset", "knock", "--runs", "1", "--seed", "3", "--json", "--plots", tmp_path)
+    assert ran.code == 0
+    assert ran.json["preset"] == "knock"
+    assert set(ran.json["paths"]) == {"1 mrad", "3 mrad"}
+    for figures in ran.json["paths"].values():
+        assert figures["by_kind"]["yaw"]["runs"] == figures["runs"] == 1
+        assert figures["by_kind"]["left"]["noticed_share"] is None
+        assert figures["false_alarms"] == 0
+    assert (tmp_path / "montecarlo-knock.png").read_bytes()[:4] == b"\x89PNG"
+
+
 @pytest.mark.parametrize(
     ("wrong", "right"), [(("--paths", "papr"), "--paths paper"), (("--preset", "wrld"), "--preset world")]
 )

@@ -121,25 +121,25 @@ class Gained(Operand):
         self.slopes = slopes
 
     def __rsub__(self, identity: Array) -> "Kept":
-        return Kept(self.gain, self.slopes)
+        return Kept(self)
 
 
 class Kept(Operand):
     """I - K H: what an update leaves of the state's error."""
 
-    __slots__ = ("gain", "slopes")
+    __slots__ = ("gone",)
 
-    def __init__(self, gain: Array, slopes: Slopes) -> None:
-        self.gain = gain
-        self.slopes = slopes
+    def __init__(self, gone: Gained) -> None:
+        self.gone = gone
 
     def left_of(self, other: Array) -> Carried:
         return Carried(self, other)
 
     def carried(self, covariance: Array) -> Array:
         """(I - K H) P (I - K H)', factor by factor."""
-        half = covariance - self.gain @ self.slopes.left_of(covariance)
-        half -= self.slopes.seen_from(half) @ self.gain.T
+        gain, slopes = self.gone.gain, self.gone.slopes
+        half = covariance - gain @ slopes.left_of(covariance)
+        half -= slopes.seen_from(half) @ gain.T
         return half
 
 
