@@ -51,9 +51,7 @@ class Result:
     gap: float  # -2 log likelihood to the next best, different solution
     centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
     disagreement: float  # of the parts of the drive, as a chi-square of 3 degrees of freedom
-    scatter: (
-        float  # times the variance that the model has: how far the parts of the drive lie apart; 1 where they agree
-    )
+    scatter: float  # times the model's variance, by how far the parts lie apart; 1 where they agree
     seed: Seed
     corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
     told: tuple[Correction, ...]  # the same for people
@@ -299,6 +297,7 @@ class Batch:
         apart = (
             self._parts + from_prior(problem.prior, solution.x.shared + step, information) + halves(problem, solution)
         )
+        scatter = apart.scatter(1.0) if self._is_far else apart.scatter()
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
         at = x.corrections
         newest = self._stretch.keyframes[-1]
@@ -313,10 +312,10 @@ class Batch:
             self._gap,
             tuple(centres(self._prior_centres + found)),
             apart.disagreement,
-            apart.scatter,
+            scatter,
             seed,
             at.copy(),
-            corrections.told(self._config, self._free, at, np.sqrt(apart.scatter) * corrections.stds(information))
+            corrections.told(self._config, self._free, at, np.sqrt(scatter) * corrections.stds(information))
             + noise.told(self._noise, residuals, self._config.encoder.noise_k_m),
             residuals,
             self._noise,

@@ -38,12 +38,11 @@ class Parts:
     def __add__(self, other: "Parts") -> "Parts":
         return Parts(self.chi + other.chi, self.freedom + other.freedom)
 
-    @property
-    def scatter(self) -> float:
-        """Times the variance that the model has; 1 where chance explains the parts' disagreement."""
-        if not self.freedom or chdtrc(self.freedom, self.chi) > CHANCE:
+    def scatter(self, chance: float = CHANCE) -> float:
+        """Times the variance that the model has; 1 where the parts' disagreement is more likely than `chance`."""
+        if not self.freedom or chdtrc(self.freedom, self.chi) > chance:
             return 1.0
-        return self.chi / self.freedom
+        return max(1.0, self.chi / self.freedom)
 
     @property
     def disagreement(self) -> float:

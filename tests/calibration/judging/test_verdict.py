@@ -285,3 +285,9 @@ def test_nothing_is_calibrated_unless_every_condition_holds(
         assert {told.phi.state, told.rho.state, told.psi.state} == {State.CALIBRATED}
     else:
         assert told.next_manoeuvre
+
+
+def test_what_was_fitted_where_nothing_is_seen_is_not_usable_however_small_its_sigmas() -> None:
+    told = judged(replace(GOOD, seen=seen(Unseen.EVERYTHING)))
+    assert states(told) == (State.NOT_YET,) * 3
+    assert all("nothing is seen" in part.reason for part in (told.phi, told.rho, told.psi))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omnivert.angles import wrap
 from omnivert.calibration.kalman import model
-from omnivert.calibration.kalman.ekf import Filter, Rules
+from omnivert.calibration.kalman.ekf import Evidence, Filter, Rules
 from omnivert.calibration.kalman.watchdog import Alarm, Kind, Watchdog
 from omnivert.config import Encoder
 from omnivert.odometry import Motion, Odometer, Samples, after
@@ -144,6 +144,27 @@ def test_a_knock_at_rest_is_sure_within_two_frames_and_of_few_lines_soon_after(k
 def test_standing_for_long_among_wrong_bearings_raises_nothing() -> None:
     for seed in range(6):
         assert World(320 + seed, 0.003, STILL, AT, standing=True).watched(AT + 150)[0] is None
+
+
+def test_a_line_foretold_much_worse_than_the_others_says_nothing() -> None:
+    """One so near that a shift of a few cm would explain it, and wrong again and again: it is bent, nothing moved."""
+    rng = np.random.default_rng(4)
+    slopes = np.column_stack([-np.ones(11), rng.uniform(-0.7, 0.7, (11, 2))])
+    slopes[0, 1] = 20.0
+    own = np.full(11, 0.003)
+    own[0] = 0.06
+    spread = np.diag(own**2) + 0.005**2
+    mount, sure = np.array([0.3, 0.2, 0.1]), 1e-6 * np.eye(3)
+    known, dog = Filter(mount, sure, Rules()), Watchdog(mount, sure)
+    age, precision = np.full(11, 30), np.linalg.inv(spread)
+    for frame in range(12):
+        off = rng.multivariate_normal(np.zeros(11), spread)
+        off[0] = 5.0 * own[0]
+        followed = np.tile(slopes, dog.chi.size + 1)  # nothing is swallowed of any jump
+        known.followed = np.zeros((3, followed.shape[1]))
+        assert dog.step(frame, known, Evidence(age, off, precision, followed)) is None
+    assert dog.frames == 11
+    assert dog.chi.max() < 21.1  # 1 in 10 000
 
 
 def test_an_alarm_stands_until_a_new_mount_is_trusted() -> None:

@@ -34,8 +34,8 @@ def test_the_first_stretch_has_nothing_to_disagree_with() -> None:
 def test_variances_grow_only_where_chance_does_not_explain_the_parts() -> None:
     rng = np.random.default_rng(7)
     told = [Parts(float(chi), 9) for chi in rng.chisquare(9, 2000)]
-    assert sum(part.scatter > 1.0 for part in told) <= 8  # 2 are foreseen, more than 8 in 1 of 10 000
-    tripled = np.array([Parts(float(9.0 * chi), 9).scatter for chi in rng.chisquare(9, 2000)])
+    assert sum(part.scatter() > 1.0 for part in told) <= 8  # 2 are foreseen, more than 8 in 1 of 10 000
+    tripled = np.array([Parts(float(9.0 * chi), 9).scatter() for chi in rng.chisquare(9, 2000)])
     assert np.median(tripled) == pytest.approx(9.0, rel=0.15)  # sigmas three times too small are found so
 
 
@@ -43,3 +43,10 @@ def test_disagreement_is_as_unlikely_as_that_of_two_halves() -> None:
     assert Parts(25.0, 3).disagreement == pytest.approx(25.0)
     assert Parts(25.0, 9).disagreement == pytest.approx(13.95, abs=0.01)  # by tables: both 3 in 1000
     assert (Parts(25.0, 3) + AGREE).disagreement == pytest.approx(25.0)
+
+
+def test_a_model_that_is_known_to_be_wrong_gets_no_benefit_of_the_doubt() -> None:
+    likely = Parts(14.0, 9)
+    assert likely.scatter() == 1.0
+    assert likely.scatter(chance=1.0) == pytest.approx(14.0 / 9.0)
+    assert Parts(4.0, 9).scatter(chance=1.0) == 1.0
