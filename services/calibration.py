@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.smoothing import Background
-from omnivert.calibration.solver.batch import Outcome
+from omnivert.calibration.solver.result import Outcome
 from omnivert.calibration.warm_up import warm_up
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Message, Playback, Receipt, Ticks

@@ -8,17 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.judging.claims import Claims
-from omnivert.calibration.judging.observability import Unseen, larger
+from omnivert.calibration.judging.observability import larger
 from omnivert.calibration.judging.steadiness import Steadiness
+from omnivert.calibration.judging.telling import is_told
 from omnivert.calibration.judging.verdict import Shown, Verdict, paper_verdict, verdict
 from omnivert.calibration.kalman.definite import factor
 from omnivert.calibration.kalman.ekf import Filter, Innovation, Rules, rules_of_the_paper
-from omnivert.calibration.kalman.model import cartesian_from_polar, mount_difference
+from omnivert.calibration.kalman.model import mount_difference
 from omnivert.calibration.kalman.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
 from omnivert.calibration.smoothing import Background, Smoothing, at_once
-from omnivert.calibration.solver.batch import Batch, Outcome, Result
+from omnivert.calibration.solver.batch import Batch
 from omnivert.calibration.solver.noise import Noise
+from omnivert.calibration.solver.result import Outcome, Result
 from omnivert.calibration.solver.stretch import Keyed
 from omnivert.calibration.way import Way
 from omnivert.config import Config
@@ -30,9 +32,6 @@ Array = NDArray[np.float64]
 SILENCE_NS = SECOND  # a frame waits this long, by the stamps of later frames, for counts that cover it
 MOST_HELD = 1000  # frames that wait for counts at once: stamps that hardly grow would else make them wait for ever
 LINEAR_RAD = 0.35  # the filter takes over when phi is known to this
-SHOWN_RAD = 0.6  # an estimate is published when phi is known to this,
-SHOWN_HEADING_RAD = 0.1  # or phi + psi to this
-SHOWN_M = 0.05  # and the camera's place to this
 
 
 class Calibrator:
@@ -298,18 +297,9 @@ class Calibrator:
         return None, None
 
     def _is_shown(self, mount: Array, covariance: Array) -> bool:
-        """Near the axis phi says little, where the camera sits and looks may be known well all the same.
-
-        What was fitted where the drive shows nothing is noise, whatever its sigmas.
-        """
-        seen = self._smoothing.outcome.seen
-        if self._stored is None and seen is not None and seen.unseen is Unseen.EVERYTHING:
-            return False
-        if self._paper or float(np.sqrt(covariance[0, 0])) < SHOWN_RAD:
-            return True
-        slope = cartesian_from_polar(mount)[1]
-        heading, x, y = np.sqrt(np.diag(slope @ covariance @ slope.T)).tolist()
-        return bool(heading < SHOWN_HEADING_RAD and max(x, y) < SHOWN_M)
+        return is_told(
+            mount, covariance, None if self._stored is not None else self._smoothing.outcome.seen, self._paper
+        )
 
     def _judged(self, mount: Array | None, covariance: Array | None) -> Verdict:
         result, outcome = self._smoothing.result, self._smoothing.outcome

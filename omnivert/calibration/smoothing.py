@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import TypeVar
 
-from omnivert.calibration.solver.batch import Batch, Outcome, Result
+from omnivert.calibration.solver.batch import Batch
 from omnivert.calibration.solver.parts import Recent
+from omnivert.calibration.solver.result import Outcome, Result
 from omnivert.calibration.solver.stretch import Keyed
 
 R = TypeVar("R")

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from omnivert.calibration.sighting import clean_sighting
-from omnivert.calibration.solver.batch import Batch, Outcome
+from omnivert.calibration.solver.batch import Batch
+from omnivert.calibration.solver.result import Outcome
 from omnivert.calibration.solver.stretch import Keyed
 from omnivert.calibration.way import Way
 from omnivert.config import Calibration, Config

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.calibrator import Calibrator
-from omnivert.calibration.solver.batch import Outcome
+from omnivert.calibration.solver.result import Outcome
 from omnivert.config import Config
 from omnivert.messages import Bearings, Extrinsics, State, Ticks
 from omnivert.simulation.recording import recorded

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omnivert.angles import wrap
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.smoothing import Background, at_once
-from omnivert.calibration.solver.batch import Outcome
+from omnivert.calibration.solver.result import Outcome
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, State, Ticks
 from omnivert.simulation.recording import Drive, Knock, Scene, recorded

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.kalman.model import mount_difference
-from omnivert.calibration.solver.batch import Outcome, Result
+from omnivert.calibration.solver.result import Outcome, Result
 from omnivert.config import Calibration
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnivert.calibration.kalman.ekf import Filter, Innovation, Rules
 from omnivert.calibration.sighting import Sighting
-from omnivert.calibration.solver.batch import Result
+from omnivert.calibration.solver.result import Result
 from omnivert.odometry import Motion
 
 Array = NDArray[np.float64]

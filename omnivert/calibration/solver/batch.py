@@ -1,36 +1,35 @@
 """Start and smoother over the drive so far: which mount, how sure, how clear, and what of the way has shown it."""
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.judging import corrections
-from omnivert.calibration.judging.manoeuvre import Manoeuvre, Outlook, best_manoeuvre
+from omnivert.calibration.judging.manoeuvre import Outlook, best_manoeuvre
 from omnivert.calibration.judging.observability import (
     Piece,
     Seen,
     centres,
     covariance_from_information,
-    larger,
     pieces,
     seen,
 )
 from omnivert.calibration.kalman import model
 from omnivert.calibration.solver import noise, wiring
 from omnivert.calibration.solver.marginal import marginal_mean
-from omnivert.calibration.solver.noise import Component, Noise
+from omnivert.calibration.solver.noise import Noise
 from omnivert.calibration.solver.nominal import nominal_information
-from omnivert.calibration.solver.parts import AGREE, Recent, from_prior, halves, recent
+from omnivert.calibration.solver.parts import AGREE, from_prior, halves, recent
 from omnivert.calibration.solver.problem import Problem
-from omnivert.calibration.solver.seed import Seed, in_sight, seed_of
+from omnivert.calibration.solver.result import Outcome, Result
+from omnivert.calibration.solver.seed import in_sight, seed_of
 from omnivert.calibration.solver.smoother import Search, Solution, marginal
 from omnivert.calibration.solver.start import started, started_wide
 from omnivert.calibration.solver.stretch import AS_TOLD, Keyed, Posed, Stretch, restless
 from omnivert.calibration.solver.turning import turning
 from omnivert.config import Config
-from omnivert.messages import Correction
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -39,53 +38,6 @@ MOST_MOVING = 0.34  # share of the bearings that may be of moving lines
 NOISY = 1.5  # times the variance that bearings are told to have: what does not fit may have been taken for noise
 FAR = 0.75  # of what a configuration may be off by: such wheels err in other ways, too, and sigmas are no measure
 HELD_RHO = 0.2  # m, where the camera is held while no place of it is better than another
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Result:
-    """One solution over the whole stretch, and what was joined from earlier ones."""
-
-    mount: Array  # (3,) phi, rho, psi
-    covariance: Array  # (3, 3), as the solution has it
-    shown: Array  # (3, 3), as the nominal way has it
-    gap: float  # -2 log likelihood to the next best, different solution
-    centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
-    disagreement: float  # of the parts of the drive, as a chi-square of 3 degrees of freedom
-    scatter: float  # times the model's variance, by how far the parts lie apart; 1 where they agree
-    seed: Seed
-    corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
-    told: tuple[Correction, ...]  # the same for people
-    residuals: tuple[Component, Component]  # of the wheels, of the bearings
-    noise: Noise  # used
-    recent: Recent | None  # the mount as the last part of the drive alone has it; None where that does not show it
-    todo: Manoeuvre  # what to drive next, to know more
-
-    @property
-    def honest_covariance(self) -> Array:
-        return self.covariance + self.excess
-
-    def sum_sigma(self) -> float:
-        """Sigma of phi + psi, rad."""
-        both = np.array([1.0, 0.0, 1.0])
-        return float(np.sqrt(both @ self.honest_covariance @ both))
-
-    @property
-    def excess(self) -> Array:
-        """What the nominal way, and the parts' disagreement, leave open beyond the solution's own covariance (3, 3)."""
-        gap = self.scatter * larger(self.covariance, self.shown) - self.covariance
-        return 0.5 * (gap + gap.T)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
-    """What one call of the solver has found."""
-
-    result: Result | None  # None while there is no single clear solution
-    centres: tuple[Piece, ...]  # clearly different centres of rotation so far, as the wheels tell
-    seen: Seen | None  # what the drive shows, also where it shows no single mount; None: no line was seen
-    share: float  # of the bearings that the best solution explains, clear or not
-    wrong: str  # what is wired wrongly, as far as the drive tells
-    keyframes: int
 
 
 class Batch:

@@ -9,8 +9,8 @@ import typer
 from rich.markup import escape
 
 from omnivert.cli import say
-from omnivert.cli.recordings import export_results
 from omnivert.cli.outputs import check_distinct, check_new_folder, check_new_recording
+from omnivert.cli.recordings import export_results
 from omnivert.cli.settings import ConfigOption, JsonOption, RecordingArgument, opened, title
 from omnivert.errors import UseError
 

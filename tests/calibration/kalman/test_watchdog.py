@@ -156,9 +156,9 @@ def test_a_line_foretold_much_worse_than_the_others_says_nothing() -> None:
     spread = np.diag(own**2) + 0.005**2
     mount, sure = np.array([0.3, 0.2, 0.1]), 1e-6 * np.eye(3)
     known, dog = Filter(mount, sure, Rules()), Watchdog(mount, sure)
-    age, precision = np.full(11, 30), np.linalg.inv(spread)
+    age, precision = np.full(11, 30), np.asarray(np.linalg.inv(spread), dtype=np.float64)
     for frame in range(12):
-        off = rng.multivariate_normal(np.zeros(11), spread)
+        off = np.asarray(rng.multivariate_normal(np.zeros(11), spread), dtype=np.float64)
         off[0] = 5.0 * own[0]
         followed = np.tile(slopes, dog.chi.size + 1)  # nothing is swallowed of any jump
         known.followed = np.zeros((3, followed.shape[1]))

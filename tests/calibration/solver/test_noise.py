@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from omnivert.calibration.calibrator import Calibrator
-from omnivert.calibration.solver.batch import Result
 from omnivert.calibration.solver.noise import Component, Noise, updated
+from omnivert.calibration.solver.result import Result
 from omnivert.config import Calibration, Config, Encoder
 from omnivert.simulation.recording import Scene, recorded
 from omnivert.studies.oracle import oracle
