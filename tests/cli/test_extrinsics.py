@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from omnivert.config import load
+from omnivert.messages import State
 from omnivert.store import Store
 
 from .conftest import extrinsics
@@ -125,3 +126,13 @@ def test_the_only_robot_in_a_store_need_not_be_named(omnivert: Any, tmp_path: Pa
         assert omnivert("extrinsics", *command, "--store", tmp_path / "x.db").code == 0
     other = omnivert("extrinsics", "history", "--store", tmp_path / "x.db", "--robot", "other")
     assert (other.code, "--robot rob7 --camera rear" in other.err) == (1, True)
+
+
+def test_the_place_of_a_camera_that_has_moved_is_exported_only_when_asked_for(omnivert: Any, tmp_path: Path) -> None:
+    with Store(tmp_path / "x.db") as store:
+        store.put(extrinsics("demo", "front", 1, 0.6))
+        store.put(replace(extrinsics("demo", "front", 2, 0.6), state=State.MOVED, reasons=("knocked by 2 deg",)))
+    export = ("extrinsics", "export", "--store", tmp_path / "x.db", "--format", "json")
+    refused = omnivert(*export)
+    assert (refused.code, refused.out, "knocked by 2 deg" in refused.err) == (1, "", True)
+    assert json.loads(omnivert(*export, "--entry", 2).out)["verdict"] == "moved"

@@ -92,4 +92,10 @@ RUNNING = {
         "The store is there, but holds nothing for this robot and camera, or no entry of this number.",
         "omnivert extrinsics list shows what it holds; --robot and --camera choose.",
     ),
+    "OV608": Explanation(
+        "moved_since",
+        "The camera was knocked after this mount had been found: it no longer sits there. Whoever used the numbers "
+        "would place every line wrongly, without a sign of it.",
+        "Drive until it is calibrated anew; an older state is exported when it is asked for by its --entry.",
+    ),
 }

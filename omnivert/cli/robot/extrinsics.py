@@ -15,6 +15,7 @@ from omnivert.cli.outputs import check_outputs
 from omnivert.cli.settings import ConfigOption, JsonOption, RobotOption, settings, with_camera
 from omnivert.errors import DataError, UseError
 from omnivert.formats.extrinsics_export import Form, body, exported, robot_from_camera
+from omnivert.messages import State
 from omnivert.pictures.words import quantities, word
 
 if TYPE_CHECKING:
@@ -105,7 +106,12 @@ def export(
     files = {suffix: path.with_name(f"{path.name}{suffix}") for suffix in ("-wal", "-shm")}  # SQLite's own
     inputs = {"configuration": config, "store": path} | {f"store's {name}": file for name, file in files.items()}
     check_outputs(inputs, {"--output": output})
-    text = exported(_found(config, robot, camera, entry, store), form, parent, z_m)
+    found = _found(config, robot, camera, entry, store)
+    if entry is None and found.extrinsics.state is State.MOVED:
+        because = found.extrinsics.reasons[0] if found.extrinsics.reasons else "it was knocked"
+        help = f"drive until it is calibrated anew, or --entry {found.entry} for the old place"
+        raise DataError("OV608", f"the camera no longer sits where #{found.entry} says", because, help)
+    text = exported(found, form, parent, z_m)
     if output is None:
         say.result(text)
         return
