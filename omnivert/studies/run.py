@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.angles import wrap
 from omnivert.calibration.calibrator import Calibrator
+from omnivert.calibration.kalman.model import mount_difference
 from omnivert.config import Config
 from omnivert.messages import Correction, Estimate, Extrinsics, Mount, State
 from omnivert.simulation.recording import Drive, recorded
@@ -110,7 +110,7 @@ def run_of(case: Case, config: Config, seed: int, oracle: Oracle | None = None) 
         mount=truth,
         filter=_beside(live[-1].mount, truth) if live else None,
         smoother=_beside(last.smoother, truth),
-        oracle=None if found is None else Solution(error_of(found[0], truth), found[1]),
+        oracle=None if found is None else Solution(mount_difference(found[0], truth), found[1]),
         bound=bound.mount,
         bound_held=held.mount,
         state=last.state,
@@ -181,13 +181,6 @@ def with_freedom(config: Config, free: bool) -> Config:
     return Config.model_validate({**given, "calibration": {**given.get("calibration", {}), **every}})
 
 
-def error_of(mount: Array, truth: Array) -> Array:
-    """Estimate less truth, angles the short way round."""
-    error = mount - truth
-    error[[0, 2]] = wrap(error[[0, 2]])
-    return error
-
-
 def _claimed(message: Estimate | Extrinsics) -> NDArray[np.bool_]:
     """(3,) which parameters it claims."""
     if message.state is State.CALIBRATED:
@@ -207,7 +200,7 @@ def _beside(mount: Mount | None, truth: Array) -> Solution | None:
 
 
 def _solution(mount: Mount, truth: Array) -> Solution:
-    return Solution(error_of(np.array([mount.phi_rad, mount.rho_m, mount.psi_rad]), truth), mount.covariance)
+    return Solution(mount_difference(np.array([mount.phi_rad, mount.rho_m, mount.psi_rad]), truth), mount.covariance)
 
 
 def _corrected(part: Correction, drive: Drive, config: Config, bound: Bound) -> Corrected:

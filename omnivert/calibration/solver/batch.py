@@ -280,23 +280,33 @@ class Batch:
         return Outlook(robot.wheel_base_m, self._noise.wheels * encoder.noise_k_m, float(np.median(problem.std)))
 
     def _cut(self, count: int) -> None:
-        """The first `count` keyframes become the prior of the rest. Lines across the cut start anew: counted once."""
-        rest = self._stretch.keyframes[count:]
-        self._stretch.keyframes = self._stretch.keyframes[:count]
-        posed = self._posed()
-        clear = self._shared is not None and self._gap >= self._config.calibration.clear_gap
-        if clear and self._shared is not None and posed.problem.lines and posed.problem.frames > 2:
-            problem = posed.problem
-            search = Search(problem)
-            solution = search.solved(self._stretch.guess(posed, self._shared), problem.std, 12, 0.01)
-            shown, found = nominal_information(problem, solution)
-            self._prior_shown = self._prior_shown + shown
-            information, step = search.opened(solution)
-            self._parts += from_prior(self._prior, solution.x.shared + step, information)
-            self._prior = replace(self._prior, mean=solution.x.shared + step, information=information)
-            self._prior_centres = centres(self._prior_centres + found)
-        self._stretch.keyframes += rest
+        """The first `count` keyframes become the prior of the rest. Lines across the cut start anew: counted once.
+
+        raises  ArithmeticError when they determine nothing; all of them are solved together once more then
+        """
+        whole = self._stretch.keyframes
+        self._stretch.keyframes = whole[:count]
+        try:
+            self._condense()
+        finally:
+            self._stretch.keyframes = whole
         self._forget(count)
+
+    def _condense(self) -> None:
+        """What all keyframes show is added to the prior, if it is clear."""
+        posed = self._posed()
+        problem = posed.problem
+        clear = self._gap >= self._config.calibration.clear_gap and problem.lines > 0 and problem.frames > 2
+        if self._shared is None or not clear:
+            return
+        search = Search(problem)
+        solution = search.solved(self._stretch.guess(posed, self._shared), problem.std, 12, 0.01)
+        shown, found = nominal_information(problem, solution)
+        information, step = search.opened(solution)
+        self._prior_shown = self._prior_shown + shown
+        self._parts += from_prior(self._prior, solution.x.shared + step, information)
+        self._prior = replace(self._prior, mean=solution.x.shared + step, information=information)
+        self._prior_centres = centres(self._prior_centres + found)
 
     def _forget(self, count: int) -> None:
         """The first `count` keyframes are no longer solved."""
