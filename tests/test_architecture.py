@@ -61,8 +61,8 @@ ONE_ROOM = {
     "numba": "omnivert/compiled.py",
     "serial": "omnivert/drivers/serial_line.py",
     "tomlkit": "omnivert/cli/robot/config_edit.py",
-    "rosbags": "omnivert/formats/rosbag_file.py",
-    "foxglove": "omnivert/formats/foxglove_file.py",
+    "rosbags": "omnivert/formats/rosbag/file.py",
+    "foxglove": "omnivert/formats/foxglove/file.py",
 }
 
 

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from omnivert.cli.recordings.export_results import foxglove, rosbag
 from omnivert.config import Config
 from omnivert.errors import DataError
-from omnivert.formats.rosbag_file import Bag
+from omnivert.formats.rosbag.file import Bag
 from omnivert.messages import Bearings, Estimate, Mount, ParameterVerdict, State, Ticks
 from omnivert.wire.channels import BEARINGS, ESTIMATE, TICKS
 from omnivert.wire.recording import RecordingWriter

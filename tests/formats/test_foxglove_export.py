@@ -18,9 +18,9 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from omnivert.config import Config, with_rig
 from omnivert.errors import DataError, UseError
-from omnivert.formats.foxglove_export import export_foxglove, layout_path
-from omnivert.formats.foxglove_lines import FOLLOWED, MOVING, NEW, drawn
-from omnivert.formats.foxglove_series import BEARINGS, ESTIMATE, TICKS
+from omnivert.formats.foxglove.export import export_foxglove, layout_path
+from omnivert.formats.foxglove.lines import FOLLOWED, MOVING, NEW, drawn
+from omnivert.formats.foxglove.series import BEARINGS, ESTIMATE, TICKS
 from omnivert.messages import (
     Bearings,
     Correction,
@@ -286,7 +286,7 @@ import resource, sys
 from pathlib import Path
 from omnivert.config import Config
 from omnivert.errors import DataError
-from omnivert.formats.foxglove_export import export_foxglove
+from omnivert.formats.foxglove.export import export_foxglove
 from tests.formats.test_foxglove_export import raw
 resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
 try:

@@ -12,9 +12,9 @@ from omnivert.cli.settings import recording_path
 from omnivert.config import Config, with_rig
 from omnivert.formats.frames_import import import_frames
 from omnivert.formats.origin import ATTACHMENT, origin_ns
-from omnivert.formats.rosbag import RosBag
-from omnivert.formats.rosbag_import import import_rosbag
-from omnivert.formats.rosbag_topics import Named
+from omnivert.formats.rosbag.drive import RosBag
+from omnivert.formats.rosbag.import_ import import_rosbag
+from omnivert.formats.rosbag.topics import Named
 from omnivert.messages import Frame, Message, Scan, Ticks
 from omnivert.wire.codec import encode
 from omnivert.wire.recording import Recording

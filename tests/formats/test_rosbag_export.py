@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from omnivert.errors import DataError, UseError
-from omnivert.formats.rosbag_export import covariance, export_rosbag
-from omnivert.formats.rosbag_file import Bag, Received
+from omnivert.formats.rosbag.export import covariance, export_rosbag
+from omnivert.formats.rosbag.file import Bag, Received
 from omnivert.messages import Estimate, Message, Mount, ParameterVerdict, State, Ticks
 from tests.formats.bags import ORIGIN_NS
 

@@ -11,9 +11,9 @@ import pytest
 
 from omnivert.config import with_rig
 from omnivert.errors import DataError, UseError
-from omnivert.formats.rosbag_file import Bag
-from omnivert.formats.rosbag_import import import_rosbag
-from omnivert.formats.rosbag_topics import Named
+from omnivert.formats.rosbag.file import Bag
+from omnivert.formats.rosbag.import_ import import_rosbag
+from omnivert.formats.rosbag.topics import Named
 from omnivert.messages import Frame, PixelFormat, Ticks
 from tests.formats.bags import FORMS, ORIGIN_NS, RIG, SUFFIX, BagMaker, small_drive
 

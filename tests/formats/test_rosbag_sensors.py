@@ -13,10 +13,10 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from omnivert.errors import DataError
-from omnivert.formats.rosbag import RosBag
-from omnivert.formats.rosbag_file import Received
-from omnivert.formats.rosbag_sensors import frame
-from omnivert.formats.rosbag_topics import Named
+from omnivert.formats.rosbag.drive import RosBag
+from omnivert.formats.rosbag.file import Received
+from omnivert.formats.rosbag.sensors import frame
+from omnivert.formats.rosbag.topics import Named
 from omnivert.messages import Frame, PixelFormat, Ticks
 from omnivert.vision.image import grey_from_frame
 from tests.formats.bags import ORIGIN_NS, RIG, BagMaker

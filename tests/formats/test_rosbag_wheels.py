@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from omnivert.config import Config, with_rig
 from omnivert.errors import DataError
-from omnivert.formats.rosbag import RosBag
-from omnivert.formats.rosbag_topics import Named, pair
-from omnivert.formats.rosbag_wheels import _unrolled
+from omnivert.formats.rosbag.drive import RosBag
+from omnivert.formats.rosbag.topics import Named, pair
+from omnivert.formats.rosbag.wheels import _unrolled
 from omnivert.messages import Frame, Ticks
 from tests.formats.bags import ANGLE_OF_A_TICK, ORIGIN_NS, RIG, BagMaker, small_drive
 

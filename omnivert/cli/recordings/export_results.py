@@ -24,7 +24,7 @@ def foxglove(recording: str, out: Path, config: Path | None = None, as_json: boo
     from omnivert.formats.extras import hold_installed
 
     hold_installed("foxglove", "foxglove", "a file for Foxglove")
-    from omnivert.formats.foxglove_export import export_foxglove, layout_path
+    from omnivert.formats.foxglove.export import export_foxglove, layout_path
 
     source = opened(recording)
     rig = rig_of(source, settings(config))
@@ -45,7 +45,7 @@ def rosbag(recording: str, out: Path, config: Path | None = None, as_json: bool 
     from omnivert.formats.extras import hold_installed
 
     hold_installed("rosbags", "ros", "writing a bag")
-    from omnivert.formats.rosbag_export import export_rosbag
+    from omnivert.formats.rosbag.export import export_rosbag
 
     source = opened(recording)
     rig = rig_of(source, settings(config))

@@ -10,7 +10,7 @@ from omnivert.cli.settings import ConfigOption, JsonOption
 
 if TYPE_CHECKING:
     from omnivert.config import Config
-    from omnivert.formats.rosbag import RosBag
+    from omnivert.formats.rosbag.drive import RosBag
     from omnivert.formats.written import Progress
 
 _NO_RIG = (
@@ -48,8 +48,8 @@ def rosbag(
     from omnivert.formats.extras import hold_installed
 
     hold_installed("rosbags", "ros", "reading a bag")
-    from omnivert.formats.rosbag_import import import_rosbag
-    from omnivert.formats.rosbag_topics import Named
+    from omnivert.formats.rosbag.import_ import import_rosbag
+    from omnivert.formats.rosbag.topics import Named
 
     named = Named(
         image_topic=image_topic,

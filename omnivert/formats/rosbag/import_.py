@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from omnivert.config import Config
-from omnivert.formats.rosbag import RosBag
-from omnivert.formats.rosbag_topics import Named
+from omnivert.formats.rosbag.drive import RosBag
+from omnivert.formats.rosbag.topics import Named
 from omnivert.formats.written import Progress, write_recording
 
 

@@ -12,11 +12,11 @@ from typing import Any
 from omnivert.config import Config, with_rig
 from omnivert.errors import DataError, UseError
 from omnivert.formats import origin
-from omnivert.formats.rosbag_file import Bag, Received, Topic
-from omnivert.formats.rosbag_sensors import frame, scan
-from omnivert.formats.rosbag_stamps import InOrder
-from omnivert.formats.rosbag_topics import Named, chosen
-from omnivert.formats.rosbag_wheels import turned
+from omnivert.formats.rosbag.file import Bag, Received, Topic
+from omnivert.formats.rosbag.sensors import frame, scan
+from omnivert.formats.rosbag.stamps import InOrder
+from omnivert.formats.rosbag.topics import Named, chosen
+from omnivert.formats.rosbag.wheels import turned
 from omnivert.formats.table import NS_PER_S
 from omnivert.formats.wheels import passed_over
 from omnivert.formats.written import Progress

@@ -2,7 +2,7 @@
 
 from omnivert.errors import DataError
 from omnivert.formats.drive_folder import LONGEST_GAP_S
-from omnivert.formats.rosbag_file import Received
+from omnivert.formats.rosbag.file import Received
 from omnivert.formats.table import NS_PER_S
 
 _CURE = "--bag-times stamps everything by the time of recording: less exact, but of one clock"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from omnivert.errors import DataError, UseError
-from omnivert.formats.rosbag_file import Bag, Topic
+from omnivert.formats.rosbag.file import Bag, Topic
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 SCANS = ("sensor_msgs/msg/LaserScan",)

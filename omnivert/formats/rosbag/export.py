@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnivert.formats.exported_file import appearing
 from omnivert.formats.extrinsics_export import robot_from_camera
-from omnivert.formats.rosbag_file import BagWriter
+from omnivert.formats.rosbag.file import BagWriter
 from omnivert.messages import Estimate, Message, Mount, State
 
 _NOT_MEASURED = 1e6  # variance of height, roll and pitch (m^2, rad^2): ROS has no word for it but a large number

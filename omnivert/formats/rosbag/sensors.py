@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from omnivert.drivers.image_file import frame_from_file, frame_from_pixels
 from omnivert.errors import DataError
-from omnivert.formats.rosbag_file import Received
+from omnivert.formats.rosbag.file import Received
 from omnivert.messages import Frame, Scan
 
 Pixels = NDArray[Any]

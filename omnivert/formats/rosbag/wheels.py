@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from omnivert.config import Config
 from omnivert.errors import DataError
 from omnivert.formats.meta import METRE_WHEEL
-from omnivert.formats.rosbag_file import Bag, Received, Topic
-from omnivert.formats.rosbag_stamps import InOrder
-from omnivert.formats.rosbag_topics import Counts, Joints, Odometry, Wheels
+from omnivert.formats.rosbag.file import Bag, Received, Topic
+from omnivert.formats.rosbag.stamps import InOrder
+from omnivert.formats.rosbag.topics import Counts, Joints, Odometry, Wheels
 from omnivert.messages import Ticks
 
 Stamps = NDArray[np.int64]

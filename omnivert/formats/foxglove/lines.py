@@ -2,7 +2,7 @@
 
 import math
 
-from omnivert.formats.foxglove_file import Circle, Point, Rgb, Stroke
+from omnivert.formats.foxglove.file import Circle, Point, Rgb, Stroke
 from omnivert.messages import Bearings
 
 NEW, FOLLOWED, MOVING, FRAME = (1.0, 0.85, 0.2), (0.3, 0.9, 0.45), (1.0, 0.35, 0.3), (0.75, 0.75, 0.8)

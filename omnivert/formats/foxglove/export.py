@@ -7,11 +7,11 @@ from pathlib import Path
 
 from omnivert.config import Config
 from omnivert.errors import DataError
-from omnivert.formats import foxglove_series as series
 from omnivert.formats.exported_file import appearing
 from omnivert.formats.extrinsics_export import robot_from_camera
-from omnivert.formats.foxglove_file import FoxgloveFile, layout
-from omnivert.formats.foxglove_lines import drawn
+from omnivert.formats.foxglove import series as series
+from omnivert.formats.foxglove.file import FoxgloveFile, layout
+from omnivert.formats.foxglove.lines import drawn
 from omnivert.messages import Bearings, Estimate, Frame, Message, PixelFormat, Scan, State, Ticks
 
 _TRUSTED = (State.USABLE, State.CALIBRATED)

@@ -1,0 +1,1 @@
+"""Bags of ROS, read and written without ROS."""
