@@ -25,6 +25,7 @@ Recent = tuple[float, Array, Array]  # since when (s), phi, rho, psi (3,), covar
 
 RECENT = 60  # keyframes, a last part of the drive that may show the mount alone
 CHANCE = 1e-3  # of parts that agree to lie as far apart
+ON_AXIS = 3.0  # sigmas of rho within which a camera may sit on it
 PULL = 0.05  # share of the whole's information that keeps a part in its valley
 
 
@@ -51,6 +52,18 @@ class Parts:
 
 
 AGREE = Parts(0.0, 0)  # there is only one
+
+
+def widened(mount: Array, covariance: Array, scatter: float) -> Array:
+    """The covariance (3, 3) of phi, rho, psi, so many times as large.
+
+    Where a contradicted solution may then be of a camera on the axis, phi may be anything: only phi + psi stays known.
+    """
+    wide = scatter * covariance
+    if scatter > 1.0 and mount[1] ** 2 < ON_AXIS**2 * wide[1, 1]:
+        turned = np.array([1.0, 0.0, -1.0])
+        wide = wide + np.pi**2 / 3.0 * np.outer(turned, turned)
+    return np.asarray(wide)
 
 
 def from_prior(prior: Prior, shared: Array, information: Array) -> Parts:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from omnivert.calibration.judging.manoeuvre import Manoeuvre
 from omnivert.calibration.judging.observability import Piece, Seen, larger
 from omnivert.calibration.solver.noise import Component, Noise
-from omnivert.calibration.solver.parts import Recent
+from omnivert.calibration.solver.parts import Recent, widened
 from omnivert.calibration.solver.seed import Seed
 from omnivert.messages import Correction
 
@@ -46,7 +46,7 @@ class Result:
     @property
     def excess(self) -> Array:
         """What the nominal way, and the parts' disagreement, leave open beyond the solution's own covariance (3, 3)."""
-        gap = self.scatter * larger(self.covariance, self.shown) - self.covariance
+        gap = widened(self.mount, larger(self.covariance, self.shown), self.scatter) - self.covariance
         return 0.5 * (gap + gap.T)
 
 
