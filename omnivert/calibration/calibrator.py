@@ -228,7 +228,7 @@ class Calibrator:
         judged = paper_verdict() if self._paper else self._judged(mount, covariance)
         self._state = judged.state
         published = None
-        if mount is not None and covariance is not None and self._is_shown(mount, covariance):
+        if mount is not None and covariance is not None and self._is_shown(covariance):
             published = Mount(float(mount[0]), float(mount[1]), float(mount[2]), covariance)
         estimate = Estimate(
             stamp_ns=stamp_ns,
@@ -258,7 +258,7 @@ class Calibrator:
     def _beside(self, mount: Array | None) -> dict[str, Any]:
         """What the smoother says, beside the filter's mount."""
         result = self._smoothing.result
-        if result is None or len(result.centres) < 2 or not self._is_shown(result.mount, result.honest_covariance):
+        if result is None or len(result.centres) < 2 or not self._is_shown(result.honest_covariance):
             return {}
         covariance = 0.5 * (result.honest_covariance + result.honest_covariance.T)
         phi, rho, psi = result.mount.tolist()
@@ -296,10 +296,8 @@ class Calibrator:
             return result.mount, 0.5 * (covariance + covariance.T)
         return None, None
 
-    def _is_shown(self, mount: Array, covariance: Array) -> bool:
-        return is_told(
-            mount, covariance, None if self._stored is not None else self._smoothing.outcome.seen, self._paper
-        )
+    def _is_shown(self, covariance: Array) -> bool:
+        return is_told(covariance, None if self._stored is not None else self._smoothing.outcome.seen, self._paper)
 
     def _judged(self, mount: Array | None, covariance: Array | None) -> Verdict:
         result, outcome = self._smoothing.result, self._smoothing.outcome

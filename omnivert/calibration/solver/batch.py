@@ -265,6 +265,7 @@ class Batch:
             tuple(centres(self._prior_centres + found)),
             apart.disagreement,
             scatter,
+            self._is_far or scatter > 1.0,
             seed,
             at.copy(),
             corrections.told(self._config, self._free, at, np.sqrt(scatter) * corrections.stds(information))

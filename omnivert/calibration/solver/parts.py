@@ -54,13 +54,13 @@ class Parts:
 AGREE = Parts(0.0, 0)  # there is only one
 
 
-def widened(mount: Array, covariance: Array, scatter: float) -> Array:
+def widened(mount: Array, covariance: Array, scatter: float, doubted: bool) -> Array:
     """The covariance (3, 3) of phi, rho, psi, so many times as large.
 
-    Where a contradicted solution may then be of a camera on the axis, phi may be anything: only phi + psi stays known.
+    Where a doubted solution may then be of a camera on the axis, phi may be anything: only phi + psi stays known.
     """
     wide = scatter * covariance
-    if scatter > 1.0 and mount[1] ** 2 < ON_AXIS**2 * wide[1, 1]:
+    if doubted and mount[1] ** 2 < ON_AXIS**2 * wide[1, 1]:
         turned = np.array([1.0, 0.0, -1.0])
         wide = wide + np.pi**2 / 3.0 * np.outer(turned, turned)
     return np.asarray(wide)

@@ -26,6 +26,7 @@ class Result:
     centres: tuple[Piece, ...]  # clearly different centres of rotation in the drive
     disagreement: float  # of the parts of the drive, as a chi-square of 3 degrees of freedom
     scatter: float  # times the model's variance, by how far the parts lie apart; 1 where they agree
+    doubted: bool  # parts contradict each other, or clocks and wheels what is configured
     seed: Seed
     corrections: Array  # (3,) time offset (s), wheel ratio - 1, base / configured - 1
     told: tuple[Correction, ...]  # the same for people
@@ -46,7 +47,7 @@ class Result:
     @property
     def excess(self) -> Array:
         """What the nominal way, and the parts' disagreement, leave open beyond the solution's own covariance (3, 3)."""
-        gap = widened(self.mount, larger(self.covariance, self.shown), self.scatter) - self.covariance
+        gap = widened(self.mount, larger(self.covariance, self.shown), self.scatter, self.doubted) - self.covariance
         return 0.5 * (gap + gap.T)
 
 

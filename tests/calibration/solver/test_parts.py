@@ -52,13 +52,13 @@ def test_a_model_that_is_known_to_be_wrong_gets_no_benefit_of_the_doubt() -> Non
     assert Parts(4.0, 9).scatter(chance=1.0) == 1.0
 
 
-def test_a_contradicted_camera_near_the_axis_may_look_from_anywhere_along_a_known_heading() -> None:
+def test_a_doubted_camera_near_the_axis_may_look_from_anywhere_along_a_known_heading() -> None:
     covariance = np.array([[0.16, 0.0, -0.15], [0.0, 0.05**2, 0.0], [-0.15, 0.0, 0.16]])
     near, away = np.array([0.3, 0.05, 0.1]), np.array([0.3, 0.5, 0.1])
     both = np.array([1.0, 0.0, 1.0])
-    assert np.array_equal(widened(near, covariance, 1.0), covariance)
-    assert np.allclose(widened(away, covariance, 4.0), 4.0 * covariance)
-    wide = widened(near, covariance, 4.0)
+    assert np.array_equal(widened(near, covariance, 1.0, False), covariance)
+    assert np.allclose(widened(away, covariance, 4.0, True), 4.0 * covariance)
+    wide = widened(near, covariance, 4.0, True)
     assert 3.0 * np.sqrt(wide[0, 0]) > np.pi  # no direction is excluded
     assert both @ wide @ both == pytest.approx(4.0 * both @ covariance @ both)
     assert wide[1, 1] == pytest.approx(4.0 * covariance[1, 1])
