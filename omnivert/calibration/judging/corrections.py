@@ -13,6 +13,7 @@ Flags = NDArray[np.bool_]
 NAMES = ("time_offset", "wheel_ratio", "wheel_base")
 PRIOR_STD = np.array([0.2, 0.1, 0.1])  # s, 1, 1: how far off a configuration may be
 SIGNIFICANT = 4.0  # sigmas from the configured value that free a correction, however badly it is seen
+FAR = 0.75  # of what a configuration may be off by: such wheels err in other ways, too, and sigmas are no measure
 KEPT = 1.5  # what was freed stays so until its sigma is above the limit by this factor
 
 
@@ -22,6 +23,11 @@ def first_prior() -> Prior:
     information[3:, 3:] = np.diag(1.0 / PRIOR_STD**2)
     free = np.array([True, True, True, False, False, False])
     return Prior(np.zeros(GLOBALS), information, free, np.zeros(3))
+
+
+def are_far(at: Array) -> bool:
+    """Whether some of the corrections (3,) make another rig of the one that is configured."""
+    return bool((np.abs(at) > FAR * PRIOR_STD).any())
 
 
 def freed_at_first(config: Config) -> Flags:

@@ -36,7 +36,6 @@ Index = NDArray[np.int64]
 
 MOST_MOVING = 0.34  # share of the bearings that may be of moving lines
 NOISY = 1.5  # times the variance that bearings are told to have: what does not fit may have been taken for noise
-FAR = 0.75  # of what a configuration may be off by: such wheels err in other ways, too, and sigmas are no measure
 HELD_RHO = 0.2  # m, where the camera is held while no place of it is better than another
 
 
@@ -54,7 +53,7 @@ class Batch:
         self._prior_centres: list[Piece] = []
         self._centres: tuple[Piece, ...] | None = None  # of all keyframes; None when not known yet
         self._gap = 0.0
-        self._is_far = False  # bearings turn so differently from the wheels that one stretch alone is not believed
+        self._seems_far = False  # bearings turn very differently from what wheels and clocks are configured to
         self._searched = 0  # keyframes at the last global start
         self._searched_kinds = 0  # different centres of rotation in it
         self._keyframes = 0  # since the beginning
@@ -132,7 +131,7 @@ class Batch:
             found = search.continued(x, 12)
         kinds = len(self._all_centres())
         doubtful = found is None or self._gap < settings.clear_gap or not self._explains(problem, found)
-        doubtful |= self._noise.bearings > NOISY or self._is_far
+        doubtful |= self._noise.bearings > NOISY or self._seems_far
         growth = problem.frames / max(self._searched, 1)
         due = growth >= (1.15 if doubtful else 1.35)
         # What was clear on one kind of motion may be wrong on the next: a new centre of rotation asks for a new search.
@@ -155,9 +154,9 @@ class Batch:
         settings = self._config.calibration
         may = corrections.may_be_free(self._config)
         wanted = turning(problem, bool(may[0]), bool(may[2]))
-        self._is_far = wanted is not None and bool((np.abs(wanted) > FAR * corrections.PRIOR_STD).any())
+        self._seems_far = wanted is not None and corrections.are_far(wanted)
         unclear = self._gap < settings.clear_gap or self._noise.bearings > NOISY
-        if wanted is None or not (self._is_far or unclear or found is None or not self._explains(problem, found)):
+        if wanted is None or not (self._seems_far or unclear or found is None or not self._explains(problem, found)):
             return found
         before, self._free = self._free, may
         opened = self._opened(problem)
@@ -242,14 +241,15 @@ class Batch:
         mount, slope = model.polar_from_cartesian(x.mount)
         if self._gap < settings.clear_gap or not self._explains(problem, solution) or mount[1] > settings.max_rho_m:
             return None
-        if self._is_far and not problem.prior.information[:3, :3].any():  # nothing yet that it could be held against
+        far = corrections.are_far(solution.x.corrections)
+        if far and not problem.prior.information[:3, :3].any():  # nothing yet that it could be held against
             return None
         shown = marginal(shown + self._prior_shown, self._free)
         information, step = search.opened(solution)
         apart = (
             self._parts + from_prior(problem.prior, solution.x.shared + step, information) + halves(problem, solution)
         )
-        scatter = apart.scatter(1.0) if self._is_far else apart.scatter()
+        scatter = apart.scatter(1.0) if far else apart.scatter()
         covariance = slope @ covariance_from_information(marginal(information, self._free)) @ slope.T
         at = x.corrections
         newest = self._stretch.keyframes[-1]
@@ -265,7 +265,7 @@ class Batch:
             tuple(centres(self._prior_centres + found)),
             apart.disagreement,
             scatter,
-            self._is_far or scatter > 1.0,
+            far or scatter > 1.0,
             seed,
             at.copy(),
             corrections.told(self._config, self._free, at, np.sqrt(scatter) * corrections.stds(information))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnivert.calibration.calibrator import Calibrator
-from omnivert.calibration.judging.corrections import first_prior, freed, freed_at_first
+from omnivert.calibration.judging.corrections import are_far, first_prior, freed, freed_at_first
 from omnivert.config import Calibration, Config
 from omnivert.messages import Estimate
 from omnivert.simulation.recording import Drive, Scene, recorded
@@ -58,6 +58,13 @@ def test_a_value_far_from_the_configured_one_is_freed_however_badly_it_is_seen()
     step = np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
     free = freed(Config(), np.zeros(3, dtype=np.bool_), information, step, np.zeros(3))
     assert free.tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("at", "far"), [((0.083, 0.02, 0.05), False), ((0.2, 0.0, 0.0), True), ((0.0, 0.0, -0.08), True)]
+)
+def test_a_rig_is_far_from_its_configuration_when_one_correction_is(at: tuple[float, ...], far: bool) -> None:
+    assert are_far(np.array(at)) is far
 
 
 @pytest.mark.parametrize("late", [0.0, 0.12])
