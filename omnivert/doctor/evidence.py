@@ -135,7 +135,7 @@ class Seen:
     ) -> "Seen":
         lines = sorted(bearings, key=lambda frame: frame.stamp_ns)
         way = wheel_way(ticks[1], config.encoder.metres_per_tick)
-        found = turning(turns_seen(lines), way, config.robot.wheel_base_m)
+        found = turning(turns_seen(lines), way, config.robot.wheel_base_m, config.encoder.noise_k_m)
         return cls(frames, ticks[0], tuple(lines), images, found, _blind(way))
 
 

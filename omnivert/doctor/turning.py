@@ -6,6 +6,10 @@ way, too, but those ahead and behind, left and right by opposite amounts. So the
 them reversed, b = (right + left) / e. What is wired as configured has c = a; a mirrored world c = -a; a left wheel
 that counts backwards c = b; a right one c = -b; each times a factor near 1, if base or counts are not as configured.
 A straight way alone has c = 0 and tells the first two from the last; a turn tells all four apart.
+
+What the wheels do not count, their slip and the floor, turns the robot by sqrt(K way) / e: of a few centimetres of way
+more than the turn itself. So pairs are taken together to steps of a third of a second, whatever the camera's rate, and
+a wiring may leave over what that noise explains.
 """
 
 from collections.abc import Sequence
@@ -23,11 +27,12 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LONGEST_S = 1.0  # between two frames whose lines are compared
+STEP_S = 0.3  # pairs are taken together until they last so long
 FEWEST_LINES = 5  # of fewer the median says little: near ones pull it along
 FLOOR_RAD = 0.001  # no turn is seen better
 FEWEST_PAIRS = 6
 ENOUGH_RAD = np.deg2rad(20.0)  # of turn, or of what one reversed wheel makes of a straight way
-EXPLAINS = 2.0  # times the lines' own spread is the most that a wiring may leave over
+EXPLAINS = 2.0  # times the lines' own spread and the wheels' noise is the most that a wiring may leave over
 FACTOR = (0.2, 5.0)  # of the turn, by which base or counts may be off
 CLEARER = 2.0  # a wiring that leaves over so many times more than the best is out
 FASTEST_M_S = 20.0  # a wheel that goes faster has not driven: its counts began anew
@@ -82,6 +87,20 @@ class Turns:
     def part(self, kept: Flags) -> "Turns":
         return Turns(self.from_s[kept], self.to_s[kept], self.turn_rad[kept], self.spread_rad[kept])
 
+    def steps(self) -> "Turns":
+        """Pairs that follow each other taken together, to STEP_S and a little more each."""
+        first = np.zeros(self.from_s.size, dtype=np.int64)  # the pair that each one's step begins with
+        for k in range(1, first.size):
+            begin = first[k - 1]
+            goes_on = self.from_s[k] == self.to_s[k - 1] and self.to_s[k - 1] - self.from_s[begin] < STEP_S
+            first[k] = begin if goes_on else k
+        at = np.unique(first)
+        if not at.size:
+            return self
+        last = np.append(at[1:], first.size) - 1
+        turn, spread = np.add.reduceat(self.turn_rad, at), np.add.reduceat(self.spread_rad, at)
+        return Turns(self.from_s[at], self.to_s[last], turn, spread)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turning:
@@ -108,8 +127,11 @@ def turns_seen(bearings: Sequence[Bearings]) -> Turns:
     return Turns(*np.array(rows, dtype=np.float64).reshape(-1, 4).T)
 
 
-def turning(turns: Turns, wheels: WheelWay, base_m: float) -> Turning | None:
-    """None without enough frames that the wheels cover."""
+def turning(turns: Turns, wheels: WheelWay, base_m: float, noise_k_m: float) -> Turning | None:
+    """None without enough frames that the wheels cover.
+
+    noise_k_m  variance of a wheel's way, per metre of it (K of eq. 31)
+    """
     if wheels.time_s.size < 2:
         return None
     covered = (turns.from_s >= wheels.time_s[0]) & (turns.to_s <= wheels.time_s[-1])
@@ -119,8 +141,9 @@ def turning(turns: Turns, wheels: WheelWay, base_m: float) -> Turning | None:
     if seen.turn_rad.size < FEWEST_PAIRS:
         return None
     late = _late(seen, wheels, base_m)
+    seen = seen.steps()
     told = _told(seen, wheels, base_m, late[0] if late is not None else 0.0)
-    wirings = _wirings(seen, told)
+    wirings = _wirings(seen, told, noise_k_m / base_m)
     right, left = wheels.at(np.array([seen.from_s, seen.to_s]))
     return Turning(
         wirings=wirings,
@@ -160,11 +183,13 @@ def _left_over(turn: Array, told: Array) -> dict[Wiring, float]:
     return rest
 
 
-def _wirings(seen: Turns, told: Array) -> tuple[Wiring, ...]:
+def _wirings(seen: Turns, told: Array, noise_rad: float) -> tuple[Wiring, ...]:
+    """noise_rad: variance of a turn, for each radian of the larger of a and b, which is both wheels' way over the base"""
     if max(float(np.abs(seen.turn_rad).sum()), float(np.abs(told).sum(axis=0).max())) < ENOUGH_RAD:
         return tuple(Wiring)
     left_over = _left_over(seen.turn_rad, told)
-    most = min(CLEARER * min(left_over.values()), EXPLAINS * float(np.sqrt(np.mean(1.0 / seen.weight**2))))
+    variance = 1.0 / seen.weight**2 + noise_rad * np.abs(told).max(axis=1)
+    most = min(CLEARER * min(left_over.values()), EXPLAINS * float(np.sqrt(np.mean(variance))))
     return tuple(wiring for wiring, rest in left_over.items() if rest <= most)
 
 

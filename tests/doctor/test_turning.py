@@ -15,6 +15,7 @@ from omnivert.messages import Bearings
 Array = NDArray[np.float64]
 BASE_M = 0.4
 RATE_HZ = 15.0
+NOISE_K_M = 2e-4
 S = 10**9
 
 
@@ -28,15 +29,17 @@ def driven(legs: list[tuple[float, float]]) -> tuple[Array, Array, Array, Array]
     return time, heading, way + 0.5 * BASE_M * heading, way - 0.5 * BASE_M * heading
 
 
-def pictures(time: Array, heading: Array, way: Array, seed: int) -> list[Bearings]:
-    """Twenty lines around, one to four metres off, from a camera on a robot that drives along its heading."""
+def pictures(
+    time: Array, heading: Array, way: Array, seed: int, rate_hz: float = RATE_HZ, far: float = 1.0
+) -> list[Bearings]:
+    """Twenty lines around, one to four metres off times `far`, from a robot that drives along its heading."""
     rng = np.random.default_rng(seed)
-    around, away = rng.uniform(-np.pi, np.pi, 20), rng.uniform(1.0, 4.0, 20)
+    around, away = rng.uniform(-np.pi, np.pi, 20), far * rng.uniform(1.0, 4.0, 20)
     lines = np.stack([away * np.cos(around), away * np.sin(around)], axis=-1)
     step = np.diff(way, prepend=0.0)
     at = np.stack([np.cumsum(step * np.cos(heading)), np.cumsum(step * np.sin(heading))], axis=-1)
     seen = []
-    for t in np.arange(0.0, time[-1], 1.0 / RATE_HZ):
+    for t in np.arange(0.0, time[-1], 1.0 / rate_hz):
         k = int(np.searchsorted(time, t))
         off = lines - at[k]
         bearing = wrap(np.arctan2(off[:, 1], off[:, 0]) - heading[k] + rng.normal(0.0, 5e-4, 20))
@@ -61,7 +64,7 @@ def compared(
         )
         for b in seen
     ]
-    found = turning(turns_seen(shifted), WheelWay(time, *wired(right, left)), BASE_M)
+    found = turning(turns_seen(shifted), WheelWay(time, *wired(right, left)), BASE_M, NOISE_K_M)
     assert found is not None
     return found
 
@@ -131,15 +134,35 @@ def test_the_lag_is_measured(late_s: float, seed: int) -> None:
 def test_a_steady_turn_does_not_tell_the_lag() -> None:
     time, heading, right, left = driven([(0.0, 0.4)] * 3)
     steady = [b for b in pictures(time, heading, 0.0 * time, 1) if b.stamp_ns > 2.2 * S and b.stamp_ns < 5.8 * S]
-    found = turning(turns_seen(steady), WheelWay(time, right, left), BASE_M)
+    found = turning(turns_seen(steady), WheelWay(time, right, left), BASE_M, NOISE_K_M)
     assert found is not None
     assert found.late_s is None or found.late_s[1] > 0.1
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    wiring=st.sampled_from(list(Wiring)),
+    rate_hz=st.sampled_from((3.0, 15.0, 30.0, 50.0)),
+    far=st.sampled_from((1.0, 20.0)),
+    seed=st.integers(0, 10**6),
+)
+def test_turns_that_the_wheels_do_not_count_hide_no_wiring(
+    wiring: Wiring, rate_hz: float, far: float, seed: int
+) -> None:
+    time, _, right, left = driven([(0.0, 0.4), (0.3, 0.0), (0.3, 0.0), (0.0, 0.4)] * 2)
+    rng = np.random.default_rng(seed)
+    steps = np.diff(np.stack([right, left]), prepend=0.0)
+    went = np.cumsum(steps + rng.normal(0.0, 1.0, steps.shape) * np.sqrt(NOISE_K_M * np.abs(steps)), axis=1)
+    seen = pictures(time, (went[0] - went[1]) / BASE_M, went.mean(axis=0), seed, rate_hz, far)
+    found = turning(turns_seen(seen), WheelWay(time, *WIRED[wiring](right, left)), BASE_M, NOISE_K_M)
+    assert found is not None
+    assert found.wirings == (wiring,)
 
 
 def test_counts_that_begin_anew_cost_one_pair() -> None:
     time, heading, right, left = driven(TURN_AND_DRIVE)
     jump = np.where(time > 4.0, 1e6, 0.0)
     seen = turns_seen(pictures(time, heading, 0.5 * (right + left), 3))
-    found = turning(seen, WheelWay(time, right + jump, left + jump), BASE_M)
+    found = turning(seen, WheelWay(time, right + jump, left + jump), BASE_M, NOISE_K_M)
     assert found is not None
     assert found.wirings == (Wiring.AS_CONFIGURED,)
