@@ -21,6 +21,7 @@ META = "omnivert"  # name of the metadata record that holds the rig as JSON, and
 HOST_CLOCK = {Drive.__name__, Health.__name__, Playback.__name__}
 _CHUNK_NS = 1_000_000_000
 _CHUNK_BYTES = 4 * 2**20
+_EARLY = 1000  # messages of the host's clock that wait for the first of a sensor
 _SUMMARY, _OF_A_CHUNK, _OF_A_CHANNEL, _OF_A_MESSAGE = 2000, 150, 1000, 60  # bytes beside their content, at most
 
 
@@ -41,6 +42,7 @@ class RecordingWriter:
         self._schemas: dict[str, int] = {}
         self._chunk_ns: int | None = None
         self._newest_ns: int | None = None  # of what is not of the host's clock
+        self._early: list[tuple[str, str, int, bytes]] = []  # those of the host's clock that came before all others
         self._pending = 0  # bytes of the open chunk
         self._chunks = 0  # closed ones
         self._open = True
@@ -57,7 +59,8 @@ class RecordingWriter:
         """Bytes of the file if it were finished now, at most: as if nothing compressed the open chunk."""
         channels = len(self._channels)
         summary = _SUMMARY + _OF_A_CHANNEL * channels + self._chunks * (_OF_A_CHUNK + 10 * channels)
-        return self._sink.tell() + self._pending + summary
+        early = sum(len(data) + _OF_A_MESSAGE for *_, data in self._early)
+        return self._sink.tell() + self._pending + early + summary
 
     def write(self, key: str, message: Message) -> None:
         """Adds a message; a chunk is closed when its stamps have passed a second.
@@ -69,23 +72,36 @@ class RecordingWriter:
     def put(self, key: str, name: str, stamp_ns: int, data: bytes) -> None:
         """Adds a message of which the bytes are there already.
 
-        A message of the host's clock stands where it came, behind the newest of the others: on a playback the two
-        clocks have nothing to do with each other.
+        A message of the host's clock stands where it came, behind the newest of the others, or with the first of them:
+        on a playback the two clocks have nothing to do with each other.
         """
-        at_ns = stamp_ns
         if name not in HOST_CLOCK:
             if self._chunk_ns is not None and not 0 <= stamp_ns - self._chunk_ns < _CHUNK_NS:
                 self.flush()
             if self._chunk_ns is None:
                 self._chunk_ns = stamp_ns
             self._newest_ns = max(stamp_ns, self._newest_ns or 0)
+            self._place_early(stamp_ns)
+            self._add(key, name, stamp_ns, stamp_ns, data)
         elif self._newest_ns is not None:
-            at_ns = self._newest_ns
+            self._add(key, name, self._newest_ns, stamp_ns, data)
+        else:
+            self._guarded(lambda: self._early.append((key, name, stamp_ns, data)))
+            if len(self._early) > _EARLY:
+                self._place_early(None)
+        self.counts[key] += 1
+
+    def _place_early(self, at_ns: int | None) -> None:
+        """Writes what waits at this stamp, or at its own."""
+        early, self._early = self._early, []
+        for key, name, stamp_ns, data in early:
+            self._add(key, name, stamp_ns if at_ns is None else at_ns, stamp_ns, data)
+
+    def _add(self, key: str, name: str, at_ns: int, stamp_ns: int, data: bytes) -> None:
         self._pending += len(data) + _OF_A_MESSAGE
         self._guarded(lambda: self._writer.add_message(self._channel(key, name), at_ns, data, stamp_ns))
         if self._pending > _CHUNK_BYTES:
             self.flush()
-        self.counts[key] += 1
 
     def attach(self, name: str, data: bytes) -> None:
         """Puts a file beside the messages; the messages so far are closed into a chunk first."""
@@ -103,6 +119,7 @@ class RecordingWriter:
 
     def close(self) -> None:
         if self._open:
+            self._place_early(None)
             self._guarded(self._writer.finish)
             self._open = False
             self._sink.close()

@@ -111,6 +111,23 @@ def test_what_is_of_the_hosts_clock_stands_where_it_came(tmp_path: Path, host_ns
     assert (entry.at_ns, entry.stamp_ns) == (messages[middle - 1][1].stamp_ns, host_ns)
 
 
+@pytest.mark.parametrize("host_ns", [7, 10**18])
+def test_what_is_of_the_hosts_clock_and_comes_first_stands_at_the_first_of_a_sensor(
+    tmp_path: Path, host_ns: int
+) -> None:
+    """Services are there, and say so, before a playback begins: its recording is not hours long for that."""
+    health = [("v1/vision/front/health", Health(host_ns + k, "vision", "front", 1.0)) for k in range(3)]
+    recording = Recording(written(tmp_path / "a.mcap", [*health, *drive()]))
+    assert held(recording) == as_bytes([*health, *drive()])
+    first_ns = drive()[0][1].stamp_ns
+    assert [(e.at_ns, e.stamp_ns) for e in recording.entries({"Health"})] == [(first_ns, host_ns + k) for k in range(3)]
+
+
+def test_what_is_of_the_hosts_clock_alone_is_kept(tmp_path: Path) -> None:
+    health = [("v1/vision/front/health", Health(7 + k, "vision", "front", 1.0)) for k in range(3000)]
+    assert held(Recording(written(tmp_path / "a.mcap", health))) == as_bytes(health)
+
+
 def test_chunks_are_given_back_while_the_next_are_read_whatever_the_hosts_clock_says(tmp_path: Path) -> None:
     """A recording may be larger than the memory: no more than two of its seconds are held at a time."""
     messages = [
