@@ -27,18 +27,20 @@ class Parts:
         self._most_bytes = 1e6 * config.recorder.split_mb or float("inf")
         self._most_ns = _SECOND * config.recorder.split_s or float("inf")
         self._first_ns: int | None = None  # stamp of a sensor's message
+        self._closed_bytes = 0
         self._writer = self._begun()
 
     @property
     def size(self) -> int:
-        """Bytes of all files, without what waits for its chunk to be closed."""
-        return sum(path.stat().st_size for path in self.paths)
+        """Bytes of all files, without what waits for its chunk to be closed; those that somebody has moved away, too."""
+        return self._closed_bytes + self._writer.written
 
     def put(self, key: str, message: Message, data: bytes) -> None:
         """Adds a message, of which `data` are the bytes; before it the next part is begun where its limit asks for."""
         sensed = not isinstance(message, Health | Playback)
         if self._is_full(message.stamp_ns if sensed else None, len(data)):
             self._writer.close()
+            self._closed_bytes += self._writer.written
             self._writer = self._begun()
             self._first_ns = None
         if sensed and self._first_ns is None:

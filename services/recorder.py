@@ -70,13 +70,13 @@ def run(bus: Bus, config: Config, path: Path, told: Callable[[Recorded], None] =
         files = ", ".join(map(str, parts.paths))
         _log.info("saved %s: %d messages, %d lost", files, recorded.messages.total(), recorded.lost)
     except OSError as error:
-        file = recorded.paths[-1] if recorded.paths else path
-        raise DataError(
-            "OV304",
-            f"{file} cannot be written any further" if file.exists() else f"cannot write {path}",
-            f"{error.strerror or error}; what was recorded before is good",
-            "free some space, or name another disk",
-        ) from error
+        because, file = error.strerror or str(error), recorded.paths[-1] if recorded.paths else path
+        if not file.exists():
+            what, help = f"cannot write {file}", "name another place"
+        else:
+            what, help = f"{file} cannot be written any further", "free some space, or name another disk"
+            because = f"{because}; what was recorded before is good"
+        raise DataError("OV304", what, because, help) from error
     return recorded
 
 

@@ -2,9 +2,11 @@
 
 import hashlib
 import json
+import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
+from errno import ENOENT
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -60,7 +62,12 @@ class RecordingWriter:
         channels = len(self._channels)
         summary = _SUMMARY + _OF_A_CHANNEL * channels + self._chunks * (_OF_A_CHUNK + 10 * channels)
         early = sum(len(data) + _OF_A_MESSAGE for *_, data in self._early)
-        return self._sink.tell() + self._pending + early + summary
+        return self.written + self._pending + early + summary
+
+    @property
+    def written(self) -> int:
+        """Bytes of the file so far, also when it is closed, or somebody has taken it away meanwhile."""
+        return self._sink.tell()
 
     def write(self, key: str, message: Message) -> None:
         """Adds a message; a chunk is closed when its stamps have passed a second.
@@ -106,16 +113,25 @@ class RecordingWriter:
     def attach(self, name: str, data: bytes) -> None:
         """Puts a file beside the messages; the messages so far are closed into a chunk first."""
         self.flush()
-        self._guarded(lambda: self._writer.add_attachment(0, 0, name, "application/octet-stream", data))
+        self._guarded(lambda: self._attach(name, data))
+
+    def _attach(self, name: str, data: bytes) -> None:
+        self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
         self._sink.keep()
 
     def flush(self) -> None:
-        """Closes the chunk; what was written so far survives a `kill -9`."""
-        self._guarded(self._writer.flush)
-        self._sink.keep()
+        """Closes the chunk; what was written so far survives a `kill -9`.
+
+        raises  OSError when the disk is full, or the file was deleted
+        """
+        self._guarded(self._close_chunk)
         self._chunk_ns = None
         self._chunks += self._pending > 0
         self._pending = 0
+
+    def _close_chunk(self) -> None:
+        self._writer.flush()
+        self._sink.keep()
 
     def close(self) -> None:
         if self._open:
@@ -161,22 +177,31 @@ class _Sink:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._file = FileIO(path, "w")
-        self._good = 0
+        self._good = self._at = 0
+        self._has_names = os.fstat(self._file.fileno()).st_nlink > 0  # not every file system counts them
 
     def tell(self) -> int:
-        return self._file.tell()
+        return self._at
 
     def write(self, data: bytes) -> int:
         left = memoryview(data)
         while left:
-            left = left[self._file.write(left) :]
+            count = self._file.write(left)
+            self._at += count
+            left = left[count:]
         return len(data)
 
     def flush(self) -> None:
         """Nothing waits here."""
 
     def keep(self) -> None:
-        self._good = self._file.tell()
+        """Up to here it is good.
+
+        raises  OSError when the file has no name any more: what is written into it is nowhere
+        """
+        if self._has_names and os.fstat(self._file.fileno()).st_nlink == 0:
+            raise FileNotFoundError(ENOENT, "it was deleted", str(self._path))
+        self._good = self._at
 
     def end_at_last_chunk(self) -> None:
         """The file becomes a whole one as far as it is good; one that has not even begun goes."""
@@ -186,6 +211,7 @@ class _Sink:
             else:
                 self._file.truncate(self._good)
                 self._file.seek(self._good)
+                self._at = self._good
                 self.write(mcap_file.END)
         self._file.close()
 

@@ -100,6 +100,39 @@ def test_parts_of_a_recorder_that_comes_back_stand_behind_the_earlier_ones(tmp_p
     assert [path.name for path in written(tmp_path, limited(), messages)] == ["drive.mcap"]
 
 
+def test_parts_that_are_taken_away_meanwhile_end_nothing_and_still_count(tmp_path: Path) -> None:
+    messages: list[Message] = [Ticks(i * 100 * MS, i, i) for i in range(60)]
+    taken = tmp_path / "taken"
+    taken.mkdir()
+    with Parts(tmp_path / "drive.mcap", limited(s=1.0)) as parts:
+        for message in messages:
+            for path in parts.paths[:-1]:
+                if path.exists():
+                    path.rename(taken / path.name)
+            parts.put(KEYS[Ticks], message, encode(message))
+            parts.flush()
+            assert parts.size > 0
+    assert len(parts.paths) == 6
+    whole = [*sorted(taken.iterdir()), parts.paths[-1]]
+    assert held(whole) == [encode(message) for message in messages]
+    assert parts.size == sum(path.stat().st_size for path in whole)
+
+
+def test_a_file_that_is_moved_goes_on_and_one_that_is_deleted_ends_the_recording(tmp_path: Path) -> None:
+    with Parts(tmp_path / "drive.mcap", limited()) as parts:
+        parts.put(KEYS[Ticks], Ticks(0, 0, 0), encode(Ticks(0, 0, 0)))
+        parts.paths[0].rename(tmp_path / "other.mcap")
+        parts.flush()
+        parts.put(KEYS[Ticks], Ticks(MS, 1, 1), encode(Ticks(MS, 1, 1)))
+    assert Recording(tmp_path / "other.mcap").counts == {KEYS[Ticks]: 2}
+    with Parts(tmp_path / "drive.mcap", limited()) as parts:
+        parts.put(KEYS[Ticks], Ticks(0, 0, 0), encode(Ticks(0, 0, 0)))
+        parts.paths[0].unlink()
+        with pytest.raises(OSError, match="deleted"):
+            parts.flush()
+    assert not (tmp_path / "drive.mcap").exists()
+
+
 # ------------------------------------------------------------------ what is lost
 
 

@@ -55,9 +55,8 @@ def record(
         because = f"no sensor and no result of robot {chosen.robot.id} was heard in {lasted_s:.0f} s"
         raise DataError("OV308", "nothing was recorded", because, "omnivert monitor   # shows who is there")
     kinds = ", ".join(f"{times} {kind}" for kind, times in sorted(recorded.messages.items()))
-    size = sum(path.stat().st_size for path in recorded.paths)
     names = f"{recorded.paths[0]}" + (f" to {recorded.paths[-1].name}" if len(recorded.paths) > 1 else "")
-    say.story(f"saved   {names}  {size / 1e6:.1f} MB: {kinds}")
+    say.story(f"saved   {names}  {recorded.bytes / 1e6:.1f} MB: {kinds}")
     if recorded.lost:
         say.story(f"[yellow]lost[/]    {recorded.lost} messages: the disk or the link was too slow for them")
     if as_json:
@@ -65,7 +64,7 @@ def record(
             "recording": str(recorded.paths[0]),
             "parts": [str(path) for path in recorded.paths],
             "robot": chosen.robot.id,
-            "bytes": size,
+            "bytes": recorded.bytes,
             "messages": dict(recorded.messages),
             "lost": recorded.lost,
         }
