@@ -32,7 +32,7 @@ class Parts:
 
     @property
     def size(self) -> int:
-        """Bytes of all files, without what waits for its chunk to be closed; those that somebody has moved away, too."""
+        """Bytes of all files, without what waits for its chunk to be closed; also of those that were moved away."""
         return self._closed_bytes + self._writer.written
 
     def put(self, key: str, message: Message, data: bytes) -> None:

@@ -184,7 +184,7 @@ def _left_over(turn: Array, told: Array) -> dict[Wiring, float]:
 
 
 def _wirings(seen: Turns, told: Array, noise_rad: float) -> tuple[Wiring, ...]:
-    """noise_rad: variance of a turn, for each radian of the larger of a and b, which is both wheels' way over the base"""
+    """noise_rad: variance of a turn, for each radian of the larger of a and b: both wheels' way over the base"""
     if max(float(np.abs(seen.turn_rad).sum()), float(np.abs(told).sum(axis=0).max())) < ENOUGH_RAD:
         return tuple(Wiring)
     left_over = _left_over(seen.turn_rad, told)

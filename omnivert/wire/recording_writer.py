@@ -124,14 +124,11 @@ class RecordingWriter:
 
         raises  OSError when the disk is full, or the file was deleted
         """
-        self._guarded(self._close_chunk)
+        self._guarded(self._writer.flush)
+        self._guarded(self._sink.keep)
         self._chunk_ns = None
         self._chunks += self._pending > 0
         self._pending = 0
-
-    def _close_chunk(self) -> None:
-        self._writer.flush()
-        self._sink.keep()
 
     def close(self) -> None:
         if self._open:

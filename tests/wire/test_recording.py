@@ -124,7 +124,9 @@ def test_what_is_of_the_hosts_clock_and_comes_first_stands_at_the_first_of_a_sen
 
 
 def test_what_is_of_the_hosts_clock_alone_is_kept(tmp_path: Path) -> None:
-    health = [("v1/vision/front/health", Health(7 + k, "vision", "front", 1.0)) for k in range(3000)]
+    health: list[tuple[str, Message]] = [
+        ("v1/vision/front/health", Health(7 + k, "vision", "front", 1.0)) for k in range(3000)
+    ]
     assert held(Recording(written(tmp_path / "a.mcap", health))) == as_bytes(health)
 
 
