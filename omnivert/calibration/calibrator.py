@@ -214,7 +214,9 @@ class Calibrator:
             elif (np.diag(result.honest_covariance) > np.diag(self._stored.covariance)).any():
                 return
             self._stored = None
-        if np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
+        if result.doubted:  # errors that stay alike from frame to frame lead a filter away that takes them for noise
+            self._pulse.drop()
+        elif np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
             self._pulse.seed(result)
             self._noise = result.noise
             self._way.correct(result.corrections, result.noise)

@@ -25,7 +25,7 @@ Recent = tuple[float, Array, Array]  # since when (s), phi, rho, psi (3,), covar
 
 RECENT = 60  # keyframes, a last part of the drive that may show the mount alone
 CHANCE = 1e-3  # of parts that agree to lie as far apart
-ON_AXIS = 3.0  # sigmas of rho within which a camera may sit on it
+ON_AXIS = 4.0  # sigmas of rho within which a camera may sit on it: of few parts the scatter itself is little known
 PULL = 0.05  # share of the whole's information that keeps a part in its valley
 
 
