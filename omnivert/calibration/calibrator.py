@@ -320,6 +320,7 @@ class Calibrator:
             seen=outcome.seen,
             todo=None if result is None else result.todo,
             gap=np.inf if result is None or self._stored is not None else result.gap,
+            doubted=result is not None and result.doubted,
             steady=self._steadiness.keyframes,
             phi_rad=None if mount is None else float(mount[0]),
         )

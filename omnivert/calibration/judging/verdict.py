@@ -15,6 +15,10 @@ from omnivert.messages import ParameterVerdict, State
 Array = NDArray[np.float64]
 
 ODOMETER_UNITS = "rho is in odometer units: bearings can not show whether both wheels are larger than configured"
+DOUBTED = (
+    "because parts of the drive contradict each other, or clocks and wheels are far from what is configured: "
+    "sigmas are widened by that; check the wheel base, the wheels' diameter and the clocks"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +44,7 @@ class Shown:
     gap: float = np.inf  # -2 log likelihood to the next best, different solution
     inlier_share: float = 1.0
     steady: int = 10_000  # keyframes over which results have agreed with each other
+    doubted: bool = False  # whether sigmas of this drive are no measure
     phi_rad: float | None = None  # with rho, where the camera is; None: only its distance is known
 
 
@@ -111,6 +116,7 @@ def verdict(shown: Shown, limits: Calibration, before: State) -> Verdict:
     if shown.contradicted:
         return _all(State.INVALID, shown.contradicted, TURN_AND_DRIVE)
     poor, fallback = ("", TURN_AND_DRIVE) if shown.restored else _poor(shown)
+    poor = poor or (DOUBTED if shown.doubted and not shown.restored else "")
     todo = shown.todo or fallback
     sigma = _sigmas(shown.covariance)
     if shown.covariance is None or sigma is None:

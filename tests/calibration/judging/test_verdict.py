@@ -291,3 +291,10 @@ def test_what_was_fitted_where_nothing_is_seen_is_not_usable_however_small_its_s
     told = judged(replace(GOOD, seen=seen(Unseen.EVERYTHING)))
     assert states(told) == (State.NOT_YET,) * 3
     assert all("nothing is seen" in part.reason for part in (told.phi, told.rho, told.psi))
+
+
+def test_of_a_doubted_drive_nothing_is_usable_and_the_reason_says_what_to_check() -> None:
+    told = judged(replace(GOOD, doubted=True))
+    assert states(told) == (State.NOT_YET,) * 3
+    assert told.rho.reason.startswith("because parts of the drive contradict each other")
+    assert states(judged(replace(GOOD, doubted=True, restored=True))) == (State.CALIBRATED,) * 3
