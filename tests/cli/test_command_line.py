@@ -258,6 +258,6 @@ def test_a_pipe_gets_no_colours() -> None:
 def test_no_code_of_a_refusal_means_two_things() -> None:
     """A second entry of a code would silently take the place of the first."""
     folder = Path(explanations.__file__).parent
-    texts = "".join(path.read_text(encoding="utf-8") for path in folder.glob("explanations*.py"))
+    texts = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py"))
     codes = re.findall(r'^    "(OV\d+)": Explanation\(', texts, flags=re.MULTILINE)
     assert sorted(codes) == sorted(explanations.EXPLANATIONS)
