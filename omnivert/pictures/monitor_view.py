@@ -277,7 +277,7 @@ class View:
         stored = "nothing stored yet"
         if self._stored is not None:
             came_s, extrinsics = self._stored
-            stored = f"stored: {_numbers(extrinsics.mount)}  {word(extrinsics.state)}, as of {now_s - came_s:.0f} s ago"
+            stored = f"stored: {_numbers(extrinsics.mount)}  {word(extrinsics.state)}, {now_s - came_s:.0f} s ago"
         shown = Text(f" {stored}", style="dim", no_wrap=True, overflow="ellipsis")
         ends = "" if once else "   ctrl-c quits"
         return Group(shown, Text(f" {self._where}{ends}", style="dim", justify="right"))

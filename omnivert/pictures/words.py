@@ -1,6 +1,7 @@
 """Numbers with their sigma and states in words: the same in terminal, picture and file."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,6 +110,13 @@ def short(text: str, length: int) -> str:
 def counted(number: float, decimals: int = 0) -> str:
     """A count or a rate in no more room than a column has."""
     return f"{number:.{decimals}f}" if number <= MANY else f">{MANY}"
+
+
+def amounts(counts: Mapping[str, int]) -> str:
+    """How many of each kind of message: "794 frames · 2646 ticks"."""
+    return " · ".join(
+        f"{number} {name.lower()}{'' if number == 1 or name.endswith('s') else 's'}" for name, number in counts.items()
+    )
 
 
 def word(state: State) -> str:

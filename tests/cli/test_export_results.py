@@ -58,7 +58,7 @@ def test_a_file_for_foxglove_holds_what_was_recorded(recording: Path, tmp_path: 
         "/calibration/front/estimate": 3,
     }
     said = capsys.readouterr()
-    assert said.out.startswith(f"{tmp_path / 'out.mcap'}  0.0 MB · 3 Ticks · 3 Bearings · 3 Estimate")
+    assert said.out.startswith(f"{tmp_path / 'out.mcap'}  0.0 MB · 3 ticks · 3 bearings · 3 estimates")
     assert f"import {tmp_path / 'out.layout.json'} as a layout" in said.err
 
 

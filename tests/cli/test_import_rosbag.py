@@ -34,7 +34,7 @@ def test_it_says_what_it_took_and_what_to_type_next(omnivert: Any, bag: Path, co
     out = tmp_path / "out.mcap"
     ran = omnivert("import", "rosbag", bag, "-o", out, "--config", config)
     assert ran.code == 0
-    assert ran.out.strip().endswith("MB · 20 Frame · 101 Ticks · 8 Scan")
+    assert ran.out.strip().endswith("MB · 20 frames · 101 ticks · 8 scans")
     *notes, last = ran.err.splitlines()
     assert last == f"next    omnivert calibrate {out}"
     assert notes[0] == "note    images are taken from /camera/image_raw (sensor_msgs/CompressedImage, 20 messages)"

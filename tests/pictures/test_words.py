@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from omnivert.messages import Mount, State
-from omnivert.pictures.words import Quantity, counted, heading, mark, printable, quantities, short, word
+from omnivert.pictures.words import Quantity, amounts, counted, heading, mark, printable, quantities, short, word
 
 
 @pytest.mark.parametrize(
@@ -58,3 +58,7 @@ def test_a_text_from_the_network_is_printed_without_what_moves_a_cursor(text: st
 def test_texts_and_counts_keep_to_their_room() -> None:
     assert [short("abcd", 4), short("abcde", 4)] == ["abcd", "abc…"]
     assert [counted(9999), counted(10_000), counted(15.04, 1), counted(2**62)] == ["9999", ">9999", "15.0", ">9999"]
+
+
+def test_messages_are_counted_in_plain_words() -> None:
+    assert amounts({"Frame": 2, "Ticks": 1, "Scan": 0, "estimate": 1}) == "2 frames · 1 ticks · 0 scans · 1 estimate"

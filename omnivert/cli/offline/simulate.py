@@ -10,6 +10,7 @@ from omnivert.cli import say
 from omnivert.cli.outputs import check_new_recording
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
 from omnivert.errors import UseError
+from omnivert.pictures.words import amounts
 
 if TYPE_CHECKING:
     from omnivert.config import Config
@@ -94,8 +95,7 @@ def simulate(
             }
         )
         return
-    counts = " · ".join(f"{count} {name}" for name, count in trip.counts.items())
-    say.result(f"{output}  {trip.seconds:.1f} s · {counts}")
+    say.result(f"{output}  {trip.seconds:.1f} s · {amounts(trip.counts)}")
     degrees = 57.29577951308232
     say.result(f"truth   phi {phi * degrees:.2f} deg   rho {rho:.4f} m   psi {psi * degrees:.2f} deg")
     say.story(f"took    {seconds:.1f} s, {trip.frames / of_processor:.0f} frames for each second of one core")

@@ -12,6 +12,7 @@ from omnivert.cli.settings import opened, rig_of, settings
 from omnivert.errors import DataError
 from omnivert.formats import origin
 from omnivert.messages import Bearings, Estimate, Frame, Message, Scan, Ticks
+from omnivert.pictures.words import amounts
 from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def foxglove(recording: str, out: Path, config: Path | None = None, as_json: boo
     if as_json:
         say.json_result({"file": str(out), "layout": str(plan), "messages": dict(written)})
         return
-    text = " · ".join(f"{number} {name}" for name, number in written.items())
+    text = amounts(written)
     say.result(f"{out}  {out.stat().st_size / 1e6:.1f} MB · {text}")
     say.story(f"next    open {out} in Foxglove, and import {plan} as a layout there")
 

@@ -9,6 +9,7 @@ from rich.markup import escape
 from omnivert.cli import say
 from omnivert.cli.outputs import check_new_recording
 from omnivert.cli.settings import settings
+from omnivert.pictures.words import amounts
 
 if TYPE_CHECKING:
     from omnivert.config import Config
@@ -30,8 +31,7 @@ def imported(read: "Importer", source: Path, output: Path, config: Path | None, 
     if as_json:
         say.json_result({"recording": str(output), "bytes": size, "messages": given.counts, "notes": notes})
         return
-    text = " · ".join(f"{count} {name}" for name, count in given.counts.items())
-    say.result(f"{output}  {size / 1e6:.1f} MB · {text}")
+    say.result(f"{output}  {size / 1e6:.1f} MB · {amounts(given.counts)}")
     for note in notes:
         say.story(f"[yellow]note[/]    {escape(note)}")
     say.story(f"next    omnivert calibrate {output}")

@@ -13,6 +13,7 @@ from omnivert.cli.outputs import check_distinct, check_new_folder, check_new_rec
 from omnivert.cli.recordings import export_results
 from omnivert.cli.settings import ConfigOption, JsonOption, RecordingArgument, opened, title
 from omnivert.errors import UseError
+from omnivert.pictures.words import amounts
 
 if TYPE_CHECKING:
     from omnivert.wire.recording import Recording
@@ -131,7 +132,7 @@ def _as_folder(recording: str, output: Path, as_json: bool) -> None:
         body = {"folder": str(output), "kind": exported.kind, "messages": counts, "notes": exported.notes}
         say.json_result(body)
         return
-    say.result(f"{output}  {' · '.join(f'{count} {name}' for name, count in counts.items())}")
+    say.result(f"{output}  {amounts(counts)}")
     _note(exported.notes)
     say.story(f"next    omnivert import {exported.kind} {output} -o OUT.mcap   # makes a recording of it again")
 

@@ -12,6 +12,7 @@ from omnivert.cli.outputs import check_new_recording
 from omnivert.cli.settings import PATIENCE_S, ConfigOption, ConnectOption, JsonOption, RobotOption, with_recorder
 from omnivert.cli.whom import meant
 from omnivert.errors import DataError, UseError
+from omnivert.pictures.words import amounts
 
 if TYPE_CHECKING:
     from services.recorder import Recorded
@@ -54,9 +55,9 @@ def record(
         lasted_s = time.monotonic() - began_s
         because = f"no sensor and no result of robot {chosen.robot.id} was heard in {lasted_s:.0f} s"
         raise DataError("OV308", "nothing was recorded", because, "omnivert monitor   # shows who is there")
-    kinds = ", ".join(f"{times} {kind}" for kind, times in sorted(recorded.messages.items()))
+    kinds = amounts(dict(sorted(recorded.messages.items())))
     names = f"{recorded.paths[0]}" + (f" to {recorded.paths[-1].name}" if len(recorded.paths) > 1 else "")
-    say.story(f"saved   {names}  {recorded.bytes / 1e6:.1f} MB: {kinds}")
+    say.story(f"saved   {names}  {recorded.bytes / 1e6:.1f} MB · {kinds}")
     if recorded.lost:
         say.story(f"[yellow]lost[/]    {recorded.lost} messages: the disk or the link was too slow for them")
     if as_json:
