@@ -14,9 +14,11 @@ if TYPE_CHECKING:
     from omnivert.wire.bus import Bus
 
 START_S = 30.0  # for all services to come up on a busy machine
-COMPILED_S = 180.0  # for the vision, which has to compile its loops the first time
+COMPILED_S = 180.0  # for those that have to compile their loops the first time
+COMPILES = {"vision", "calibration"}
 _LONG_S = 5  # then it is said why
 HOPELESS = ("router",)  # without it nothing can be done, and starting it again will not open its end point
+_AGAIN = "run it once more, on a machine that is less busy: what was compiled is kept"
 REFUSAL = re.compile(r"error\[(OV\d+)\]: (.*)")
 
 
@@ -87,12 +89,12 @@ def await_services(bus: "Bus", services: set[str], troubles: Troubles) -> None:
             break
         troubles.check()
         lacking = services - {name for name, _ in bus.present()}
-        if second == _LONG_S and "vision" in lacking:
-            say.story("  [cyan]…[/] vision     compiles its loops, once on this machine: half a minute or so")
-        if second >= START_S and lacking != {"vision"}:
+        if second == _LONG_S and lacking & COMPILES:
+            say.story("  [cyan]…[/] compiling  the loops of the vision, once on this machine: half a minute or so")
+        if second >= START_S and not lacking <= COMPILES:
             break
     if bus.stopped:
         raise KeyboardInterrupt
     if not here():
         missing = ", ".join(sorted(services - {name for name, _ in bus.present()}))
-        raise DataError("OV422", f"{missing} did not come up in time", help="omnivert monitor")
+        raise DataError("OV422", f"{missing} did not come up in time", help=_AGAIN)
