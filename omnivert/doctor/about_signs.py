@@ -10,8 +10,8 @@ from omnivert.doctor.turning import Turning, Wiring
 from omnivert.messages import Correction, State
 from omnivert.pictures.words import word
 
-NEEDS_MOTION = "needs a straight metre and a turn of 30 deg: drive meanwhile, or omnivert doctor --push"
-NEEDS_TURN = "needs a turn of 30 deg: turn the robot meanwhile, or omnivert doctor --push"
+MOTION, TURN = "a straight metre and a turn of 30 deg", "a turn of 30 deg"
+NO_WIRING = "no wiring explains the turns, see wheels"
 STANDS_STILL = 0.02  # of the other wheel's way
 MOVED_M = 0.1
 OFF_SCALE, FAR_OFF_SCALE = 0.05, 0.3  # by so much do wheels and picture turn differently
@@ -28,7 +28,7 @@ def wheels(evidence: Evidence) -> Finding:
         return _pushed_straight(evidence, evidence.pushed.straight)
     turning = evidence.seen.turning
     if turning is None:
-        return unchecked(NEEDS_MOTION)
+        return _needs(MOTION, evidence)
     if (still := _still_wheel(turning)) and Wiring.AS_CONFIGURED not in turning.wirings:
         other = turning.driven_m[still == "right"]
         fact = f"the {still} wheel's counts stand still, the other one's went {other:.2f} m"
@@ -48,7 +48,7 @@ def wheels(evidence: Evidence) -> Finding:
             right, left = turning.driven_m
             return fine(f"both wheels count the same way: right {right:.2f} m, left {left:.2f} m")
         case _:
-            return unchecked(NEEDS_MOTION)
+            return _needs(MOTION, evidence)
 
 
 def sense(evidence: Evidence) -> Finding:
@@ -56,8 +56,10 @@ def sense(evidence: Evidence) -> Finding:
     if evidence.pushed is not None:
         return _pushed_turn(evidence, evidence.pushed.turn)
     turning = evidence.seen.turning
-    if turning is None or not turning.wirings:
-        return unchecked(NEEDS_TURN)
+    if turning is None:
+        return _needs(TURN, evidence)
+    if not turning.wirings:
+        return unchecked(NO_WIRING)
     match turning.wirings:
         case (Wiring.AS_CONFIGURED,):
             turned = np.degrees(turning.picture_rad)
@@ -68,14 +70,16 @@ def sense(evidence: Evidence) -> Finding:
             )
             return stops("bearings run with the turn", MIRRORED, help)
         case _:
-            return unchecked(NEEDS_TURN)
+            return _needs(TURN, evidence)
 
 
 def turns(evidence: Evidence) -> Finding:
     """Wheels and picture turn by the same angle."""
     turning, base = evidence.seen.turning, evidence.config.robot.wheel_base_m
+    if turning is not None and not turning.wirings:
+        return unchecked(NO_WIRING)
     if turning is None or turning.scale is None or turning.scale[1] > KNOWN_SCALE:
-        return unchecked(NEEDS_TURN)
+        return _needs(TURN, evidence)
     scale, std = turning.scale
     fact = f"where the wheels tell 90 deg the picture turns by {90.0 * scale:.1f} ± {90.0 * std:.1f} deg"
     if abs(scale - 1.0) <= OFF_SCALE + SURE * std:
@@ -94,7 +98,7 @@ def offset(evidence: Evidence) -> Finding:
     elif turning is not None and turning.late_s is not None and turning.late_s[1] <= KNOWN_LATE_S:
         late, std = turning.late_s
     else:
-        return unchecked("needs a turn that begins or ends meanwhile")
+        return _needs("a turn that begins or ends", evidence)
     fact = f"the camera's stamps are {1e3 * late:+.0f} ± {1e3 * std:.0f} ms late against the wheels'"
     if abs(late) <= LATE_S + SURE * std:
         return fine(fact)
@@ -132,6 +136,13 @@ def calibration(evidence: Evidence) -> Finding:
         case _:
             next_ = f"; next: {told.todo}" if told.todo else ""
             return fine(f"{word(told.state)}{why}{next_}")
+
+
+def _needs(motion: str, evidence: Evidence) -> Finding:
+    """The robot has not moved so that this can be told."""
+    if evidence.recording:
+        return unchecked(f"needs {motion}, which this recording does not show")
+    return unchecked(f"needs {motion}: drive meanwhile, or omnivert doctor --push")
 
 
 def _pushed_straight(evidence: Evidence, way: Movement) -> Finding:

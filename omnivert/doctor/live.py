@@ -196,9 +196,10 @@ def _devices(config: Config, configured: bool, bus: OnBus) -> tuple[Device, Devi
     names = (f"encoder {config.encoder.port}", f"camera {config.camera.source}")
     bridge = next(iter(bus.of("bridge")), None)
     if bridge is not None:
+        port, source = (config.encoder.port, config.camera.source) if configured else ("encoder", "camera")
         return (
-            devices.as_the_bridge_tells("encoder", config.encoder.port, bridge),
-            devices.as_the_bridge_tells("camera", config.camera.source, bridge),
+            devices.as_the_bridge_tells("encoder", port, bridge),
+            devices.as_the_bridge_tells("camera", source, bridge),
         )
     if bus.playing:
         why = "a recording plays in place of the robot"

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from omnivert.config import Config, parsed
+from omnivert.doctor import about_signs
 from omnivert.doctor.evidence import Device, Evidence, Keeping, OnBus, Service
 from omnivert.doctor.finding import Status
 from omnivert.doctor.host import keeping, this_host
@@ -107,3 +108,11 @@ def test_without_configuration_and_robot_that_is_the_first_thing() -> None:
     assert report.first is not None
     assert report.first.name == "config"
     assert report.named(Status.STOPS) == ["config"]
+
+
+@pytest.mark.parametrize("recording", [True, False])
+def test_of_a_recording_nobody_is_asked_to_push_a_robot(recording: bool) -> None:
+    seen = robot(Config(), None, recording=recording)
+    told = [about_signs.wheels(seen).fact, about_signs.sense(seen).fact, about_signs.turns(seen).fact]
+    assert all(("which this recording does not show" in fact) is recording for fact in told)
+    assert all(("omnivert doctor --push" in fact) is not recording for fact in told)
