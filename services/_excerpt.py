@@ -10,6 +10,7 @@ from omnivert.wire.channels import BEARINGS, FRAME, SCAN, TICKS, Channel
 from omnivert.wire.recording import Recording
 
 CHANNELS: dict[type[Message], Channel] = {Frame: FRAME, Ticks: TICKS, Scan: SCAN, Bearings: BEARINGS}
+SECOND = 1_000_000_000
 
 
 class Excerpt:
@@ -22,6 +23,7 @@ class Excerpt:
         camera = Frame if FRAME.key(rig) in recording.counts else Bearings
         self._types: tuple[type[Message], ...] = (camera, Ticks, Scan)
         self.consumer = "vision" if camera is Frame else "calibration"
+        self._period_ns = round(SECOND / rig.camera.frame_rate_hz)
         self._keys = {CHANNELS[sensor].key(rig) for sensor in self._types}
         if not self._keys & set(recording.counts):
             raise DataError("OV305", f"{recording.path} holds no sensor data", f"only {', '.join(recording.counts)}")
@@ -53,6 +55,7 @@ class Excerpt:
                 yield dataclasses.replace(message, stamp_ns=message.stamp_ns + later_ns)
             if not loop or first_ns < 0:
                 return
-            later_ns += last_ns - first_ns + (last_ns - first_ns) // max(frames - 1, 1)
+            lasted_ns = last_ns - first_ns
+            later_ns += lasted_ns + (lasted_ns // (frames - 1) if frames > 1 else self._period_ns)
             if first is not None:
                 left, right = left + last[0] - first[0], right + last[1] - first[1]

@@ -239,6 +239,9 @@ def _walked(file: BinaryIO, size: int) -> Survey:
                 named = int.from_bytes(_read(file, place.offset + 16, 4), "little")
                 name = _read(file, place.offset + 20, min(named, 1000)).decode(errors="replace")
                 found.attachments[name] = place
+            case 0 if length == 0:  # no record is so; a file is, where its pages never came to the disk
+                found.fault = DAMAGED
+                return found
             case _ if opcode not in _KNOWN:
                 found.fault = DAMAGED
 

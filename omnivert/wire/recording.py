@@ -21,6 +21,8 @@ from omnivert.wire.recording_writer import HOST_CLOCK, LIBRARY, META, RecordingW
 
 __all__ = ["Entry", "Recording", "RecordingWriter"]
 
+_EVER_NS = 2**64  # beyond the last stamp that a file can hold
+
 
 @dataclass(frozen=True, slots=True)
 class Entry:
@@ -146,9 +148,12 @@ class Recording:
         return len(self._chunks)
 
     def _span(self, from_s: float | None, to_s: float | None) -> tuple[int, int]:
-        low = self.start_ns + round(from_s * 1e9) if from_s is not None else 0
-        high = self.start_ns + round(to_s * 1e9) if to_s is not None else 2**64
-        return low, high
+        low = self._ns(from_s) if from_s is not None else 0
+        return low, self._ns(to_s) if to_s is not None else _EVER_NS
+
+    def _ns(self, second: float) -> int:
+        """On the recording's clock; what is farther than any stamp is ever."""
+        return self.start_ns + round(second * 1e9) if second < 1e-9 * _EVER_NS else _EVER_NS
 
     def _entries(self, file: BinaryIO, names: Collection[str] | None, low: int, high: int) -> Iterator[Entry]:
         waiting: list[tuple[int, int, int, Entry]] = []  # stamp, chunk, place in it

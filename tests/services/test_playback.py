@@ -208,6 +208,14 @@ def test_in_a_loop_stamps_and_ticks_go_on_growing(tmp_path: Path) -> None:
     assert np.diff(frames).max() < 150 * MS
 
 
+def test_the_rounds_of_a_single_frame_follow_each_other_as_frames_do(tmp_path: Path) -> None:
+    excerpt = Excerpt(recording(tmp_path / "a.mcap", [ticks(SECOND), frame(SECOND)]), Config(), None, None)
+    played = [message for message, _ in zip(excerpt.rounds(loop=True), range(20), strict=False)]
+    for kind in (Ticks, Frame):
+        stamps = np.array([m.stamp_ns for m in played if isinstance(m, kind)])
+        np.testing.assert_allclose(np.diff(stamps), SECOND / Config().camera.frame_rate_hz, atol=1)
+
+
 def test_a_part_of_a_recording_is_played(tmp_path: Path) -> None:
     messages: list[Message] = [ticks(i * 100 * MS) for i in range(100)]
     excerpt = Excerpt(recording(tmp_path / "a.mcap", messages), Config(), 2.0, 3.0)

@@ -1,6 +1,7 @@
 """A recording gives back what was written, in the order of the stamps, and of a broken file what it still holds."""
 
 import dataclasses
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -78,6 +79,13 @@ def test_a_part_can_be_read(tmp_path: Path) -> None:
     assert held(recording, types=(Frame,), from_s=1.0, to_s=2.0) == as_bytes([m for m in inside if m[0] == FRAME])
     assert recording.count({FRAME}, 1.0, 2.0) == sum(key == FRAME for key, _ in inside)
     assert recording.count({FRAME}) == 50
+
+
+@pytest.mark.parametrize("far", [1e9, 1.9e10, 1e300])
+def test_a_part_far_beyond_the_end_is_empty(tmp_path: Path, far: float) -> None:
+    recording = Recording(written(tmp_path / "a.mcap", drive()))
+    assert held(recording, from_s=far) == held(recording, from_s=far, to_s=2.0 * far) == []
+    assert held(recording, to_s=far) == as_bytes(drive())
 
 
 def test_attachments_stand_beside_the_messages(tmp_path: Path) -> None:
@@ -323,6 +331,17 @@ def test_without_a_summary_a_record_that_is_none_is_damage(tmp_path: Path, byte:
     recording = Recording(flipped(path, chunk_place(path, 1) + byte, bit))
     assert recording.cut == ("a part of it is damaged" if byte == 0 else "it ends in the middle")
     assert held(recording)[:60] == as_bytes(messages)[:60]
+
+
+def test_pages_that_never_came_to_the_disk_are_not_read(tmp_path: Path) -> None:
+    messages = drive(3)
+    path = written(tmp_path / "a.mcap", messages)
+    path.write_bytes(path.read_bytes()[: chunk_place(path, 2)] + bytes(50_000_000))
+    began = time.process_time()
+    recording = Recording(path)
+    assert time.process_time() - began < 2.0  # one record of nothing after the other took ten times that
+    assert recording.cut == "a part of it is damaged"
+    assert held(recording) == as_bytes(messages)[:120]
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
