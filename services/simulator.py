@@ -58,7 +58,7 @@ def run(bus: Bus, config: Config, given: argparse.Namespace) -> None:
     pose = start_of(stage, route)
     stage.taken(stage.shot(0, 0.0, pose, 0.0)).frame(0)  # compiled, or read from disk, before time begins
     noise_k = config.encoder.noise_k_m if given.noise_k is None else given.noise_k
-    vehicle = Vehicle(config, stage.room, pose, noise_k, given.seed)
+    vehicle = Vehicle(config, stage.room, pose, noise_k, given.seed, stage.mount[1])
     told = commanded(route, config.robot.wheel_base_m, SAMPLE_S)
     robot = _Robot(bus, config, stage, vehicle, Steering(vehicle, told))
     await_services(bus, tuple(name for name in given.wait_for.split(",") if name), config.player.wait_s)

@@ -96,6 +96,8 @@ def _fixture(fixture: Fixture, site: _Site, at_m: float, wall_m: float, rng: np.
     look = Look(bright, usual.look.tile, usual.look.contrast)
     left, right = at_m - 0.5 * width, at_m + 0.5 * width
     kind = fixture.kind
+    if low >= high:  # where it would hang is no wall any more
+        return [], []
     match kind:
         case "pipe":
             return [], [Round(site.at(at_m, depth), 0.5 * width, low, high, look, kind)]

@@ -8,8 +8,9 @@ from pydantic import Field, Strict, model_validator
 
 from omnivert.config.section import Section
 
-Point = Annotated[tuple[float, float], Strict(False)]
-Pose = Annotated[tuple[float, float, float], Strict(False)]
+Coordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
+Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
+Pose = Annotated[tuple[Coordinate, Coordinate, Annotated[float, Field(ge=-36_000.0, le=36_000.0)]], Strict(False)]
 Metres = Annotated[float, Field(gt=0.0, le=1000.0)]
 Brightness = Annotated[float, Field(ge=0.0, le=1.0)]
 Kind = Literal["door", "window", "poster", "board", "shelf", "cabinet", "pilaster", "pipe"]
@@ -26,6 +27,12 @@ class Fixture(Section):
     high_m: Metres | None = None
     depth_m: Metres | None = None
     brightness: Brightness | None = None
+
+    @model_validator(mode="after")
+    def _is_upright(self) -> Self:
+        if self.low_m is not None and self.high_m is not None and self.low_m >= self.high_m:
+            raise ValueError("low_m must be below high_m")
+        return self
 
 
 class Wall(Section):

@@ -85,12 +85,21 @@ def told_steps(
     steps = [np.zeros((0, 2))]
     for way, turn, rest in legs:
         if way or turn:
-            duration = max(abs(way) / speed, 0.0 if way else abs(turn) / turn_rate) + RAMP_S
+            duration = _duration_s(way, turn, speed, turn_rate)
             time = np.arange(0.0, duration + sample_s, sample_s)
             share = np.diff(np.clip(_ramped(time, duration), 0.0, 1.0))
             steps.append(share[:, None] * np.array([way + 0.5 * base * turn, way - 0.5 * base * turn]))
         steps.append(np.zeros((round(rest / sample_s), 2)))
     return np.concatenate(steps)
+
+
+def lasts_s(legs: Sequence[Leg], speed: float, turn_rate: float) -> float:
+    """s, all legs together; the arguments are those of `told_steps`"""
+    return sum(rest + (_duration_s(way, turn, speed, turn_rate) if way or turn else 0.0) for way, turn, rest in legs)
+
+
+def _duration_s(way: float, turn: float, speed: float, turn_rate: float) -> float:
+    return max(abs(way) / speed, 0.0 if way else abs(turn) / turn_rate) + RAMP_S
 
 
 def wheel_factors(ratio: float) -> Array:

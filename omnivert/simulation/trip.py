@@ -48,7 +48,7 @@ class Trip:
         self.notes: tuple[str, ...] = ()
         self._stage = stage
         told = commanded(route, self.config.robot.wheel_base_m, SAMPLE_S)
-        vehicle = Vehicle(self.config, stage.room, start_of(stage, route), noise_k_m, stage.seed)
+        vehicle = Vehicle(self.config, stage.room, start_of(stage, route), noise_k_m, stage.seed, stage.mount[1])
         self._ticks = [vehicle.counts]
         poses = [vehicle.pose]
         for index, step in enumerate(told):

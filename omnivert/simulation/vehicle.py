@@ -13,7 +13,8 @@ from omnivert.simulation.surfaces import Surfaces
 Array = NDArray[np.float64]
 
 SAMPLE_S = 0.02  # between two readings of the encoders
-BODY_M = 0.28  # no wall comes nearer to the robot's origin than this
+BODY_M = 0.28  # no wall comes nearer to the robot's origin than this,
+CASE_M = 0.05  # nor, whatever way it turns, to the camera than this
 ACCELERATION = SPEED / RAMP_S  # m/s^2, of each wheel
 
 
@@ -31,14 +32,18 @@ class Vehicle:
     pose     (3,)  m, m, rad: where it really is
     noise_k  m     variance of a wheel's way per metre, drawn anew in each sample
     seed           of that noise
+    rho_m    m     how far from its origin the camera sits
     """
 
-    def __init__(self, config: Config, room: Surfaces, pose: Array, noise_k: float, seed: int) -> None:
+    def __init__(
+        self, config: Config, room: Surfaces, pose: Array, noise_k: float, seed: int, rho_m: float = 0.0
+    ) -> None:
         self.pose = pose
         self.blocked = False  # whether the last step would have led into something
         self._base, self._scale = config.robot.wheel_base_m, config.encoder.metres_per_tick
         self._room, self._noise_k = room, noise_k
         self._rng = np.random.default_rng(seed)
+        self._body_m = max(BODY_M, rho_m + CASE_M)
         self._clear = clearance(room, pose[:2])
         self._told = np.zeros(2)  # right, left
         self._speed = np.zeros(2)  # m/s, of the wheels
@@ -53,7 +58,7 @@ class Vehicle:
         real = told + np.sqrt(self._noise_k * np.abs(told)) * self._rng.standard_normal(2)
         pose = after(self.pose, arc(real[:1], real[1:], self._base)[0])
         clear = clearance(self._room, pose[:2])
-        self.blocked = clear < BODY_M and clear < self._clear
+        self.blocked = clear < self._body_m and clear < self._clear
         if self.blocked:
             self._speed[:] = 0.0
             return

@@ -78,6 +78,16 @@ def test_the_shown_files_are_a_world_and_a_path_of_ones_own(omnivert: Any, files
     assert omnivert("simulate", "-o", out, "--path", files / "way.toml").code == 2  # is there already
 
 
+def test_a_file_of_ones_own_is_shown_too_and_one_that_is_none_is_named(omnivert: Any, files: Path) -> None:
+    ran = omnivert("simulate", "--show", "--path", files / "short.toml")
+    assert (ran.code, SHORT in ran.out) == (0, True)
+    for arguments, said in ((("--world", "offise"), "did you mean office"), (("--path", "my.toml"), "cannot read my")):
+        ran = omnivert("simulate", "--show", *arguments)
+        assert (ran.code, ran.out) == (2, "")
+        assert "OV212" in ran.err
+        assert said in ran.err
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

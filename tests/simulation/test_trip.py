@@ -17,6 +17,7 @@ from omnivert.formats.frames_import import import_frames
 from omnivert.formats.written import write_recording
 from omnivert.messages import Bearings, Estimate, Frame, Scan, Ticks
 from omnivert.offline import calibrated
+from omnivert.simulation.fixtures import built
 from omnivert.simulation.place import Kind, Place
 from omnivert.simulation.route import Route
 from omnivert.simulation.stage import Stage
@@ -129,6 +130,29 @@ def test_a_path_into_a_wall_is_refused_with_its_place() -> None:
     assert refused.value.code == "OV213"
 
 
+def test_a_camera_that_sits_far_out_does_not_go_through_a_wall() -> None:
+    """From [-1.6, -0.2] toward a wall at x = 3."""
+    square = {"points": [[-4, -3], [3, -3], [3, 3], [-4, 3]], "closed": True}
+    for rho, nearest in ((0.23, 0.28), (0.6, 0.65)):
+        place = Place.model_validate({"wall": [square], "start": [-1.6, -0.2, 0.0], "camera": {"rho_m": rho}})
+        with pytest.raises(DataError, match="leads into something") as refused:
+            Trip(Stage(SLOW, place, 4), Route.model_validate({"leg": [{"straight_m": 9.0}], "speed_m_s": 0.5}), 0.0)
+        stopped = re.search(r"x = ([\d.]+) m", str(refused.value))
+        assert stopped is not None
+        assert float(stopped[1]) == pytest.approx(3.0 - nearest, abs=0.5 * 0.02 + 0.005)
+
+
+def test_what_would_hang_above_its_wall_is_not_there() -> None:
+    wall = {
+        "points": [[0, 0], [4, 0]],
+        "high_m": 0.8,
+        "fixtures": [{"kind": kind, "at_m": 2} for kind in get_args(Kind)],
+    }
+    panels, rounds = built(Place.model_validate({"wall": [wall]}))
+    assert all(thing.low_m < thing.high_m for thing in [*panels, *rounds])
+    assert {thing.kind for thing in panels} == {"wall", "door", "door_frame", "shelf", "cabinet", "pilaster"}
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -136,6 +160,13 @@ def test_a_path_into_a_wall_is_refused_with_its_place() -> None:
         ("[[leg]]\narc_m = 1.0\n", "an arc has arc_m and radius_m"),
         ("[[leg]]\nstraight = 1.0\n", "leg.0.straight"),
         ("leg = 3\n", "leg"),
+        ("speed_m_s = 1e-300\n[[leg]]\nstraight_m = 1.0\n", "a drive lasts 4 h at most"),
+        ("turn_deg_s = 0.001\n[[leg]]\nturn_deg = 36.0\n", "takes 10 h"),
+        ("[[leg]]\nrest_s = 3600.0\n" * 5, "takes 5 h"),
+        ("[[leg]]\narc_m = 10.0\nradius_m = 1e-3\n", "an arc turns by 36000 degrees at most"),
+        ("[[leg]]\narc_m = 1000.0\nradius_m = 5e-324\n", "an arc turns by"),
+        ("start = [1e300, 0.0, 0.0]\n[[leg]]\nstraight_m = 1.0\n", "start.0"),
+        ("start = [0.0, 0.0, 1e300]\n[[leg]]\nstraight_m = 1.0\n", "start.2"),
         ("", "leg"),
         ("[[leg]\n", "cannot be parsed"),
     ],
@@ -159,6 +190,11 @@ def test_a_path_of_ones_own_that_is_wrong_is_named(tmp_path: Path, text: str, sa
             "beyond its wall of 1.00 m",
         ),
         ('[[wall]]\npoints = [[0, 0], [1, 0]]\nfixtures = [{ kind = "dor", at_m = 0.5 }]\n', "wall.0.fixtures.0.kind"),
+        ("[[wall]]\npoints = [[0, 0], [1e300, 0]]\n", "wall.0.points.1.0"),
+        (
+            '[[wall]]\npoints = [[0, 0], [9, 0]]\nfixtures = [{ kind = "door", at_m = 3, low_m = 2, high_m = 1 }]\n',
+            "low_m must be below high_m",
+        ),
         ("[camera]\nheight_m = 3.0\n[[wall]]\npoints = [[0, 0], [1, 0]]\n", "below ceiling"),
     ],
 )

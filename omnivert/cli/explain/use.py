@@ -73,7 +73,7 @@ USE = {
     "OV213": Explanation(
         "in_the_way",
         "The simulated robot would drive into a wall or a thing that stands in the room: no wall comes nearer to its "
-        "origin than 0.28 m.",
+        "origin than 0.28 m, nor nearer than 0.05 m beyond the camera, whatever way the robot turns.",
         "Begin the path elsewhere: start = [x, y, degrees] in the world's file, or in the path's, which goes first.",
     ),
     "OV214": Explanation(

@@ -73,7 +73,9 @@ def simulate(
     check_new_recording(output)
     chosen = settings(config)
     stage = staged(chosen, world, seed, people, tilt_deg)
-    trip = Trip(stage, loaded(path, "paths", Route), chosen.encoder.noise_k_m if noise_k is None else noise_k)
+    route = loaded(path, "paths", Route)
+    with say.progress("planning", None):
+        trip = Trip(stage, route, chosen.encoder.noise_k_m if noise_k is None else noise_k)
     began, worked = time.monotonic(), time.process_time()
     with say.progress(f"driving {path} in {world}", sum(trip.counts.values())) as bar:
         (write_recording if as_recording else write_folder)(trip, output, bar.reach)
@@ -131,5 +133,8 @@ def check_names(world: str, path: str | None) -> None:
 def _show(world: str, path: str) -> None:
     from omnivert.simulation.toml_file import text_of
 
-    for name, kind in ((world, "worlds"), (path, "paths")):
-        say.result(f"# {kind}/{name}.toml\n{text_of(name, kind)}")
+    files = [
+        (kind, name.removesuffix(".toml"), text_of(name, kind)) for name, kind in ((world, "worlds"), (path, "paths"))
+    ]
+    for kind, name, text in files:
+        say.result(f"# {kind}/{name}.toml\n{text}")
