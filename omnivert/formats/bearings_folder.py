@@ -137,11 +137,11 @@ def _rate_hz(stamps_ns: list[int]) -> float:
 
 
 def _bearing_rad(row: Row) -> float:
-    """In (-pi, pi]: sensors count from -pi to pi, or from 0 to 2 pi, and both mean the same direction."""
+    """In [-pi, pi]: sensors count from -pi to pi, or from 0 to 2 pi, and both mean the same direction."""
     given = row.number("bearing_rad")
     if abs(given) > WIDEST_RAD:
         raise refusal(row.place, f"bearing_rad = {given:g} is not within -2 pi to 2 pi; bearings are in radians")
-    return wrap(given)
+    return given if abs(given) <= np.pi else wrap(given)  # an angle that is in it already stays the same to the bit
 
 
 def _age_frames(row: Row, sightings: int) -> int:

@@ -175,7 +175,7 @@ def test_a_table_of_frames_that_contradicts_them_is_refused(tmp_path: Path, chan
 @st.composite
 def looks(draw: Any, stamp_ns: int) -> Bearings:
     tracks = draw(st.lists(st.integers(0, 2**53), unique=True, max_size=4))
-    size, bearing = len(tracks), st.floats(-np.pi, np.pi, exclude_min=True)
+    size, bearing = len(tracks), st.floats(-np.pi, np.pi)
     return Bearings(
         stamp_ns,
         np.array(tracks, np.int64),
