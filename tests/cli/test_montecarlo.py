@@ -59,6 +59,25 @@ def test_a_wrong_word_is_refused_with_the_right_one(omnivert: Omnivert, wrong: t
     assert right in ran.err
 
 
+@pytest.mark.parametrize(
+    ("options", "idle"),
+    [
+        (("--preset", "knock", "--bearing-mrad", "3.0"), "--bearing-mrad beside --preset knock"),
+        (("--preset", "world", "--paths", "turn"), "--paths beside --preset world"),
+        (("--preset", "world", "--free"), "--free beside --preset world"),
+        (("--preset", "degenerate", "--hours", "1"), "--hours beside --preset degenerate"),
+        (("--preset", "long", "--runs", "3"), "--runs beside --preset long"),
+        (("--hours", "1"), "--hours without a preset"),
+    ],
+)
+def test_an_option_that_would_change_nothing_is_refused(
+    omnivert: Omnivert, options: tuple[str, ...], idle: str
+) -> None:
+    ran = omnivert("montecarlo", *options)
+    assert ran.code == 2
+    assert idle in ran.err
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -9)])
 def test_an_end_from_outside_leaves_no_worker(marked: Marked, number: int, code: int) -> None:
     program = "from omnivert.cli import main; main()"

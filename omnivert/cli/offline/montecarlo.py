@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 PATHS = "paper,alternate,straight,turn,arc,still"
 
 
+OF_PRESETS = ("preset", "runs", "seed", "jobs", "plots", "config", "as_json")  # what a preset leaves open
+
+
 def montecarlo(
+    context: typer.Context,
     paths: Annotated[str, typer.Option(help="Which paths, with commas between.")] = PATHS,
     preset: Annotated[
         str | None, typer.Option(help="A study with targets: world, one-line, degenerate, corrections, knock or long.")
@@ -53,6 +57,7 @@ def montecarlo(
     as_json: JsonOption = False,
 ) -> None:
     """Seeded synthetic drives: errors over the Cramér-Rao bound, honesty of sigmas, false claims."""
+    _check_together(context, preset)
     from omnivert.simulation.recording import Scene
     from omnivert.studies.montecarlo import runs_of
     from omnivert.studies.oracle import oracle
@@ -106,6 +111,26 @@ def montecarlo(
         say.json_result({"preset": preset, "seed": seed, **figures})
     else:
         _tell(cases, figures)
+
+
+def _check_together(context: typer.Context, preset: str | None) -> None:
+    """raises UseError when an option was given that would change nothing"""
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
+    match preset:
+        case None:
+            idle, because = given & {"hours"}, "it is of --preset long alone"
+        case "long":
+            idle, because = (
+                given - {*OF_PRESETS, "hours"} | given & {"runs"},
+                "long is one drive of each kind, as it is",
+            )
+        case _:
+            idle, because = given - {*OF_PRESETS}, "a preset has its own drives"
+    if idle:
+        option = f"--{min(idle).replace('_', '-')}"
+        beside = f"beside --preset {preset}" if preset is not None else "without a preset"
+        raise UseError("OV205", f"omnivert montecarlo: {option} {beside}", because, "leave it out")
 
 
 def _preset(name: str) -> "tuple[Case, ...]":
