@@ -17,7 +17,7 @@ import pytest
 from omnivert.cli.robot import shots
 from omnivert.cli.robot.config_edit import edit, edited
 from omnivert.config import Config, load, parsed
-from omnivert.errors import UseError
+from omnivert.errors import DataError, UseError
 
 from .conftest import Omnivert
 
@@ -243,6 +243,26 @@ def test_a_link_to_the_configuration_stays_a_link(tmp_path: Path) -> None:
     edit(tmp_path / "robot.toml", CHANGES)
     assert (tmp_path / "robot.toml").is_symlink()
     assert load(tmp_path / "real.toml").ring.r_max_px == 201.0
+
+
+def test_what_is_added_ends_its_lines_as_the_file_does(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_bytes(b"# ours\r\n[robot]\r\nid = 'r7'\r\n")
+    edit(path, CHANGES)
+    held = path.read_bytes()
+    assert held.startswith(b"# ours\r\n[robot]\r\nid = 'r7'\r\n")
+    assert held.count(b"\n") == held.count(b"\r\n") > 5
+    assert load(path).ring.r_max_px == 201.0
+
+
+def test_a_file_that_is_write_protected_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(TOML)
+    path.chmod(0o444)
+    with pytest.raises(DataError, match="write-protected") as refused:
+        edit(path, CHANGES)
+    assert refused.value.code == "OV322"
+    assert (path.read_text(), list(tmp_path.iterdir())) == (TOML, [path])
 
 
 @pytest.mark.parametrize("text", ["[ring", "ring = 3\n"])

@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections.abc import Mapping
+from errno import EACCES
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ def check_editable(path: Path) -> None:
 def edited(text: str, changes: Changes, where: str) -> str:
     """The text of a TOML file with these settings in it, held to their form as when it is loaded.
 
+    What is added ends its lines as the file does.
+
     raises  UseError when the changed settings do not go together with the others
     """
     try:
@@ -39,7 +42,10 @@ def edited(text: str, changes: Changes, where: str) -> str:
     except (TOMLKitError, TypeError) as error:
         raise UseError("OV202", f"{where} cannot be changed", str(error)) from error
     parsed(document.unwrap(), where)
-    return tomlkit.dumps(document)
+    new = tomlkit.dumps(document)
+    if 0 < text.count("\n") == text.count("\r\n"):
+        new = new.replace("\r\n", "\n").replace("\n", "\r\n")
+    return new
 
 
 def edit(path: Path, changes: Changes) -> None:
@@ -50,6 +56,8 @@ def edit(path: Path, changes: Changes) -> None:
     target = Path(os.path.realpath(path))
     beside = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
+        if not target.stat().st_mode & 0o222:  # to put another in its place, the folder's permission would do
+            raise PermissionError(EACCES, "it is write-protected")
         held = target.read_bytes()
         text = edited(held.decode("utf-8-sig"), changes, str(path))
         mark = b"\xef\xbb\xbf" if held.startswith(b"\xef\xbb\xbf") else b""
