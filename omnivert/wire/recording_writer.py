@@ -113,11 +113,8 @@ class RecordingWriter:
     def attach(self, name: str, data: bytes) -> None:
         """Puts a file beside the messages; the messages so far are closed into a chunk first."""
         self.flush()
-        self._guarded(lambda: self._attach(name, data))
-
-    def _attach(self, name: str, data: bytes) -> None:
-        self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
-        self._sink.keep()
+        self._guarded(lambda: self._writer.add_attachment(0, 0, name, "application/octet-stream", data))
+        self._guarded(self._sink.keep)
 
     def flush(self) -> None:
         """Closes the chunk; what was written so far survives a `kill -9`.
