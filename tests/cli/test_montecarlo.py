@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import own
+
 from .conftest import Marked, Omnivert
 
 SHORT = ("montecarlo", "--paths", "straight,still", "--runs", "2", "--visible", "4")
@@ -82,19 +84,20 @@ def test_an_option_that_would_change_nothing_is_refused(
 def test_an_end_from_outside_leaves_no_worker(marked: Marked, number: int, code: int) -> None:
     program = "from omnivert.cli import main; main()"
     arguments = ("montecarlo", "--paths", "straight", "--runs", "100000", "--jobs", "2", "--json")
-    process = subprocess.Popen(
+    started = subprocess.Popen(
         [sys.executable, "-c", program, *arguments],
         env=marked.environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
-    until = time.monotonic() + 60.0
-    while len(marked.processes()) < 4 and time.monotonic() < until:  # two workers, and what tracks their semaphores
-        time.sleep(0.05)
-    assert len(marked.processes()) >= 4
-    process.send_signal(number)
-    process.communicate(timeout=30.0)
-    assert process.returncode == code
+    with own(started) as process:
+        until = time.monotonic() + 60.0
+        while len(marked.processes()) < 4 and time.monotonic() < until:  # two workers, what tracks their semaphores
+            time.sleep(0.05)
+        assert len(marked.processes()) >= 4
+        process.send_signal(number)
+        process.communicate(timeout=30.0)
+        assert process.returncode == code
     while marked.processes() and time.monotonic() < until:
         time.sleep(0.05)
     assert marked.processes() == []
