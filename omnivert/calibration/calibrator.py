@@ -299,7 +299,9 @@ class Calibrator:
         return None, None
 
     def _is_shown(self, covariance: Array) -> bool:
-        return is_told(covariance, None if self._stored is not None else self._smoothing.outcome.seen, self._paper)
+        result = self._smoothing.result
+        seen = None if self._stored is not None else self._smoothing.outcome.seen
+        return self._paper or is_told(covariance, seen, doubted=result is not None and result.doubted)
 
     def _judged(self, mount: Array | None, covariance: Array | None) -> Verdict:
         result, outcome = self._smoothing.result, self._smoothing.outcome
