@@ -25,6 +25,11 @@ def missing(stamps_ns: Sequence[int]) -> int:
     return sum(round(step / usual) - 1 for step in steps if step > 1.5 * usual) if usual > 0 else 0
 
 
+def fault(of: "Recording | Given") -> str:
+    """What is wrong with a recording, and what that costs; empty when it is whole."""
+    return f"{of.cut}, {of.lost} messages are lost" if of.lost else of.cut
+
+
 @dataclass(frozen=True, slots=True)
 class Given:
     """The streams of a recording that the calibration lives on."""
@@ -69,7 +74,7 @@ class Given:
     @property
     def fault(self) -> str:
         """What is wrong with the recording, and what that costs; empty when it is whole."""
-        return f"{self.cut}, {self.lost} messages are lost" if self.lost else self.cut
+        return fault(self)
 
     def __str__(self) -> str:
         frames = "frames" if self.images else "bearings frames"

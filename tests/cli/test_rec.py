@@ -1,6 +1,7 @@
 """rec info, cut, merge and export on small recordings: what they say, and what they refuse."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,31 @@ def test_what_makes_no_sense_is_refused_and_leaves_nothing(
     assert f"error[{says}]" in ran.err
     assert [path.name for path in tmp_path.iterdir()] == ["full"]
     assert straight.read_bytes() == before
+
+
+@pytest.mark.parametrize("command", ["cut", "merge", "export"])
+def test_what_a_damaged_recording_has_lost_is_said(omnivert: Any, straight: Path, tmp_path: Path, command: str) -> None:
+    broken, out = tmp_path / "broken.mcap", tmp_path / "out"
+    data = bytearray(straight.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    broken.write_bytes(data)
+    given = [broken]
+    if command == "merge":
+        given.append(tmp_path / "later.mcap")
+        shifted(straight, given[-1])
+    lost = Recording(broken).lost
+    assert lost > 0
+    notes = omnivert("rec", command, *given, "-o", out, "--json").json["notes"]
+    assert notes[0] == f"{broken} is not whole: a part of it is damaged, {lost} messages are lost"
+    assert not any("later.mcap" in note for note in notes)
+
+
+def shifted(recording: Path, out: Path) -> None:
+    """The same drive an hour later."""
+    whole = Recording(recording)
+    with RecordingWriter(out, whole.config(Config())) as writer:
+        for key, message in whole.messages():
+            writer.write(key, replace(message, stamp_ns=message.stamp_ns + 3600 * 10**9))
 
 
 def test_an_empty_folder_is_as_good_as_none(omnivert: Any, straight: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import typer
 from rich.markup import escape
 
 from omnivert.cli import say
+from omnivert.cli.given import fault
 from omnivert.cli.outputs import check_distinct, check_new_folder, check_new_recording
 from omnivert.cli.recordings import export_results
 from omnivert.cli.settings import ConfigOption, JsonOption, RecordingArgument, opened, title
@@ -63,7 +64,7 @@ def cut(
     _check(output, [source])
     with say.progress("cutting", None) as bar:
         counts = recut.cut(source, output, start, end, bar.reach)
-    _tell(output, counts, (), as_json)
+    _tell(output, counts, _faults([source]), as_json)
 
 
 @app.command("merge")
@@ -81,9 +82,8 @@ def merge(
         raise UseError("OV205", "omnivert rec merge: one recording alone", "there is nothing to merge it with", "")
     with say.progress("merging", None) as bar:
         counts, left_out = recut.merge(sources, output, bar.reach)
-    _tell(
-        output, counts, [f"{name} differs from recording to recording, and is left out" for name in left_out], as_json
-    )
+    differ = [f"{name} differs from recording to recording, and is left out" for name in left_out]
+    _tell(output, counts, [*_faults(sources), *differ], as_json)
 
 
 @app.command("export")
@@ -127,13 +127,13 @@ def _as_folder(recording: str, output: Path, as_json: bool) -> None:
     check_new_folder(output)
     with say.progress("exporting", None) as bar:
         exported = folder_export.export(source, output, bar.reach)
-    counts = dict(exported.counts)
+    counts, notes = dict(exported.counts), [*_faults([source]), *exported.notes]
     if as_json:
-        body = {"folder": str(output), "kind": exported.kind, "messages": counts, "notes": exported.notes}
+        body = {"folder": str(output), "kind": exported.kind, "messages": counts, "notes": notes}
         say.json_result(body)
         return
     say.result(f"{output}  {amounts(counts)}")
-    _note(exported.notes)
+    _note(notes)
     say.story(f"next    omnivert import {exported.kind} {output} -o OUT.mcap   # makes a recording of it again")
 
 
@@ -150,6 +150,11 @@ def _tell(output: Path, counts: dict[str, int], notes: Sequence[str], as_json: b
     say.result(f"{output}  {size / 1e6:.1f} MB · {sum(counts.values())} messages")
     _note(notes)
     say.story(f"next    omnivert rec info {output}")
+
+
+def _faults(sources: "Sequence[Recording]") -> list[str]:
+    """What of the recordings could not be read, in words."""
+    return [f"{source.path} is not whole: {fault(source)}" for source in sources if source.cut]
 
 
 def _note(notes: Sequence[str]) -> None:
