@@ -36,6 +36,8 @@ def test_an_empty_file_is_the_default(tmp_path: Path) -> None:
         ({"storage": {"path": 3}}, "storage.path = 3", "in quotes"),
         ({"ring": {"center_px": [321.5]}}, "ring.center_px", "[321.5, 239.0]"),
         ({"ring": {"center_px": [321.5, "239"]}}, 'ring.center_px.1 = "239"', "a plain number"),
+        ({"recorder": {"split_s": 1e-9}}, "recorder.split_s = 1e-09", ""),
+        ({"recorder": {"split_mb": 0.001}}, "recorder.split_mb = 0.001", ""),
         ({"robot": 1}, "robot = 1", "[robot]"),
         ({"a\nb": 1}, "unknown key", ""),
     ],

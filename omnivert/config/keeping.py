@@ -3,9 +3,20 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict
+from pydantic import AfterValidator, Field, Strict
 
 from omnivert.config.section import Section
+
+
+def _nothing_or(least: float) -> AfterValidator:
+    """0, or no less: a file for every message would fill a file system with names."""
+
+    def checked(value: float) -> float:
+        if 0.0 < value < least:
+            raise ValueError(f"0 or at least {least:g} is needed")
+        return value
+
+    return AfterValidator(checked)
 
 
 class Storage(Section):
@@ -22,9 +33,9 @@ class Recorder(Section):
 
     compression: Literal["zstd", "lz4", "none"] = "lz4"
     """Of the file's chunks: zstd is the smallest; lz4 takes a quarter of its time; none suits JPEG frames."""
-    split_mb: float = Field(0.0, ge=0.0, le=1e7)
+    split_mb: Annotated[float, _nothing_or(0.01)] = Field(0.0, ge=0.0, le=1e7)
     """A part ends before it is larger than this, in 10^6 bytes, and the next begins; 0: no limit."""
-    split_s: float = Field(0.0, ge=0.0, le=1e7)
+    split_s: Annotated[float, _nothing_or(0.1)] = Field(0.0, ge=0.0, le=1e7)
     """A part ends when the drive in it has lasted so long; 0: no limit."""
 
 
