@@ -98,15 +98,19 @@ def _ends(support: Float) -> tuple[float, float]:
     """Where a line begins and ends, px: as an evenly supported one would whose quartiles of support these are.
 
     support  (S,)  px of edge in each stretch of the radius
-    The first and the last point are no ends: other edges happen to lie on a line's continuation.
+    The first and the last point are no ends: other edges happen to lie on a line's continuation. But beyond them, where
+    that of the quartiles would lie of a line with a gap, there is none either.
     """
-    total, sum_, at = 0.0, 0.0, np.zeros(3)
+    total, sum_, at, first, last = 0.0, 0.0, np.zeros(3), support.size, 0
     for k in range(support.size):
         total += support[k]
+        if support[k] > 0.0:
+            first, last = min(first, k), k + 1
     i = 0
     for k in range(support.size):
         while i < 3 and sum_ + support[k] > 0.25 * (i + 1) * total:
             at[i] = (k + (0.25 * (i + 1) * total - sum_) / support[k]) * _STRETCH_PX
             i += 1
         sum_ += support[k]
-    return max(2.0 * at[0] - at[1], 0.0), 2.0 * at[2] - at[1]
+    inner, outer = max(2.0 * at[0] - at[1], first * _STRETCH_PX), min(2.0 * at[2] - at[1], last * _STRETCH_PX)
+    return (inner, outer) if total > 0.0 else (0.0, 0.0)

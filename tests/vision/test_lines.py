@@ -165,3 +165,15 @@ def test_a_line_ends_where_its_edge_does(scene: Scene, inner: float, outer: floa
     assert np.all(np.abs(lines.inner_px - inner) < 4.0)
     assert np.all(np.abs(lines.outer_px - outer) < 4.0)
     assert np.all(np.abs(lines.strength - (outer - inner) / 162.0) < 0.06)
+
+
+@pytest.mark.parametrize("gap", [(105.0, 195.0), (90.0, 175.0)])
+def test_a_line_with_a_gap_does_not_go_on_where_there_is_no_edge(scene: Scene, gap: tuple[float, float]) -> None:
+    picture = scene(np.array([-2.0, -0.7, 0.4, 1.5]), np.array([200.0, 40.0, 200.0, 40.0]))
+    v, u = np.mgrid[:480, :640]
+    r = np.hypot(u - 321.5, v - 239.0)
+    picture[(r > gap[0]) & (r < gap[1])] = 115
+    lines = _lines(picture, (321.5, 239.0), MirrorRing())
+    assert lines.angle_rad.size == 4
+    assert np.all(lines.inner_px > 60.0)
+    assert np.all(lines.outer_px < 229.0)
