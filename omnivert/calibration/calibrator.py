@@ -262,10 +262,9 @@ class Calibrator:
         result = self._smoothing.result
         if result is None or len(result.centres) < 2 or not self._is_shown(result.honest_covariance):
             return {}
-        covariance = 0.5 * (result.honest_covariance + result.honest_covariance.T)
         phi, rho, psi = result.mount.tolist()
         return {
-            "smoother": Mount(phi, rho, psi, covariance),
+            "smoother": Mount(phi, rho, psi, result.honest_covariance),
             "disagreement": 0.0 if mount is None else self._disagreement(mount),
             "bound_std": np.sqrt(np.diag(result.covariance)),
             "corrections": result.told,
@@ -294,8 +293,7 @@ class Calibrator:
                 covariance = larger(covariance, result.covariance) + result.excess
             return running.mount, 0.5 * (covariance + covariance.T)
         if result is not None and len(result.centres) >= 2:
-            covariance = result.honest_covariance
-            return result.mount, 0.5 * (covariance + covariance.T)
+            return result.mount, result.honest_covariance
         return None, None
 
     def _is_shown(self, covariance: Array) -> bool:

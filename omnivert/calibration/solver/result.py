@@ -37,7 +37,7 @@ class Result:
 
     @property
     def honest_covariance(self) -> Array:
-        return self.covariance + self.excess
+        return 0.5 * (self.covariance + self.covariance.T) + self.excess
 
     def sum_sigma(self) -> float:
         """Sigma of phi + psi, rad."""
