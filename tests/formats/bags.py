@@ -128,13 +128,18 @@ class BagMaker:
         self.write(topic, stamp_ns, "sensor_msgs/JointState", header=self.header(stamp_ns), **said)
 
     def odometry(
-        self, topic: str, stamp_ns: int, pose: tuple[float, float, float], twist: tuple[float, float] = (0.0, 0.0)
+        self,
+        topic: str,
+        stamp_ns: int,
+        pose: tuple[float, float, float],
+        twist: tuple[float, float] = (0.0, 0.0),
+        length: float = 1.0,  # of the quaternion
     ) -> None:
         x, y, yaw = pose
         vector: Callable[..., Any] = lambda *xyz: self.make(  # noqa: E731
             "geometry_msgs/Vector3", x=xyz[0], y=xyz[1], z=xyz[2]
         )
-        q = self.make("geometry_msgs/Quaternion", x=0.0, y=0.0, z=np.sin(yaw / 2), w=np.cos(yaw / 2))
+        q = self.make("geometry_msgs/Quaternion", x=0.0, y=0.0, z=length * np.sin(yaw / 2), w=length * np.cos(yaw / 2))
         point = self.make("geometry_msgs/Point", x=x, y=y, z=0.0)
         covariance = np.zeros(36)
         there = self.make("geometry_msgs/Pose", position=point, orientation=q)

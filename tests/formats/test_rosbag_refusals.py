@@ -126,6 +126,19 @@ def no_numbers(maker: BagMaker) -> None:
     maker.odometry("/odom", ORIGIN_NS, (float("nan"), 0.0, 0.0))
 
 
+def no_headings(maker: BagMaker) -> None:
+    pictures(maker)
+    for message in TICKS:
+        at = message.stamp_ns
+        maker.odometry("/odom", at + ORIGIN_NS, (at * 1e-9, 0.0, 0.0), length=0.0)
+
+
+def far_away(maker: BagMaker) -> None:
+    pictures(maker)
+    for number, message in enumerate(TICKS):
+        maker.odometry("/odom", message.stamp_ns + ORIGIN_NS, (1e306 * number, 0.0, 0.0))
+
+
 def only_speeds(maker: BagMaker) -> None:
     pictures(maker)
     nothing = np.zeros(0)
@@ -165,6 +178,8 @@ FAULTS: list[tuple[Fault, str, tuple[str, ...], str]] = [
     (another_size, "OV333", ("/image, message 21", "32 x 24 pixels, the first one 64 x 48"), "omnivert explain OV333"),
     (distances, "OV333", ("/depth, message 1", "'32FC1'", "mono, bgr, rgb"), "omnivert explain OV333"),
     (no_numbers, "OV333", ("/odom, message 1", "the pose = nan"), "omnivert explain OV333"),
+    (no_headings, "OV333", ("/odom, message 1", "orientation is zero"), "omnivert explain OV333"),
+    (far_away, "OV333", ("/odom, message", "which no wheel does"), "omnivert explain OV333"),
     (only_speeds, "OV333", ("/joints, message 1", "wheel_left has no position"), "--odom-topic NAME"),
     (broken_message, "OV331", ("/image, message 1", "no sensor_msgs/CompressedImage"), "omnivert explain OV331"),
     (nothing_at_all, "OV332", ("holds no image topic", "it is empty"), "omnivert explain OV332"),

@@ -153,12 +153,13 @@ def test_joints_of_any_name_can_be_named(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- odometry
 
 
-def test_poses_are_turned_into_the_ways_of_the_wheels(tmp_path: Path) -> None:
+@pytest.mark.parametrize("length", [1.0, 0.5, 2.0])
+def test_poses_are_turned_into_the_ways_of_the_wheels(tmp_path: Path, length: float) -> None:
     drive = 200.0 * TRUE_WAYS  # several turns, so that the heading begins anew
     with begun(tmp_path) as maker:
         with_pictures(maker)
         for ticks, pose in zip(TICKS, poses(RIG.robot.wheel_base_m, drive), strict=True):
-            maker.odometry("/odom", ticks.stamp_ns + ORIGIN_NS, pose, (9.0, 9.0))
+            maker.odometry("/odom", ticks.stamp_ns + ORIGIN_NS, pose, (9.0, 9.0), length)
     bag, found = read(maker.path)
     assert ways(bag, found) == pytest.approx(drive, abs=2e-4)  # of 120 m: the short steps are chords, too
     (note,) = [note for note in bag.notes if "worked out from the poses of /odom" in note]
@@ -166,12 +167,16 @@ def test_poses_are_turned_into_the_ways_of_the_wheels(tmp_path: Path) -> None:
     assert (bag.config.encoder.left_sign, bag.config.encoder.right_sign) == (1, 1)
 
 
-def test_speeds_are_taken_where_the_pose_stands_still(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("step", "length"), [(0.0, 1.0), (0.0, 0.0), (0.1, 0.0)], ids=["still", "none", "no heading"])
+def test_speeds_are_taken_where_the_pose_stands_still_or_has_no_heading(
+    tmp_path: Path, step: float, length: float
+) -> None:
     with begun(tmp_path) as maker:
         with_pictures(maker)
         for ticks in TICKS:
             seconds = ticks.stamp_ns / 1e9
-            maker.odometry("/odom", ticks.stamp_ns + ORIGIN_NS, (0.0, 0.0, 0.0), (0.3 + 0.1 * seconds, 0.8))
+            pose, twist = (step * seconds, 0.0, 0.0), (0.3 + 0.1 * seconds, 0.8)
+            maker.odometry("/odom", ticks.stamp_ns + ORIGIN_NS, pose, twist, length)
     bag, found = read(maker.path)
     since = np.array([t.stamp_ns / 1e9 for t in found]) - found[0].stamp_ns / 1e9
     way = 0.3 * since + 0.05 * since**2

@@ -128,21 +128,26 @@ def _finite(received: Received, name: str, *values: float) -> None:
 
 
 def _motion(received: Received) -> Row:
-    """x, y, heading, speed forward, speed of turning; m, m, rad, m/s, rad/s."""
+    """x, y, heading, speed forward, speed of turning, whether a heading is told; m, m, rad, m/s, rad/s."""
     pose, twist = received.content.pose.pose, received.content.twist.twist
     q, place = pose.orientation, pose.position
-    yaw = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    yaw = atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)  # of any length
     _finite(received, "the pose", place.x, place.y, yaw)
     _finite(received, "the twist", twist.linear.x, twist.angular.z)
-    return float(place.x), float(place.y), yaw, float(twist.linear.x), float(twist.angular.z)
+    told = float(any((q.w, q.x, q.y, q.z)))
+    return float(place.x), float(place.y), yaw, float(twist.linear.x), float(twist.angular.z), told
 
 
 def _of_odometry(series: _Series, topic: Topic, base: float) -> Turned:
     """Paper: wheels that are counted (eqs. 14, 15). Here, where only the pose is told: the wheels that go that way."""
-    x, y, yaw, speed, turning = series.columns
+    x, y, yaw, speed, turning, headed = series.columns
     notes = []
-    posed = bool(np.ptp(x) or np.ptp(y) or np.ptp(yaw))
-    if posed or not (speed.any() or turning.any()):
+    moved, rated = bool(np.ptp(x) or np.ptp(y) or np.ptp(yaw)), bool(speed.any() or turning.any())
+    posed = moved and bool(headed.all())
+    if moved and not posed and not rated:
+        because = "its orientation is zero: whoever sent it tells neither heading nor speed"
+        raise DataError("OV333", f"{series.first} to {series.place}", because, "omnivert explain OV333")
+    if posed or not rated:
         turn = np.remainder(np.diff(yaw) + pi, tau) - pi
         middle = yaw[:-1] + 0.5 * turn
         ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
@@ -163,9 +168,10 @@ def _of_odometry(series: _Series, topic: Topic, base: float) -> Turned:
         f"robot.wheel_base_m = {base:g}: as good as that odometry; ratio and base of the wheels stay as it has them",
     )
     ticks = METRE_WHEEL["ticks_per_rev"]
-    left, right = (
-        np.rint(ticks * np.concatenate([[0.0], np.cumsum(way + side * 0.5 * base * turn)])) for side in (-1.0, 1.0)
-    )
+    with np.errstate(over="ignore"):  # such a count is refused below
+        left, right = (
+            np.rint(ticks * np.concatenate([[0.0], np.cumsum(way + side * 0.5 * base * turn)])) for side in (-1.0, 1.0)
+        )
     encoder = {**METRE_WHEEL, "left_sign": 1, "right_sign": 1}
     return _held(series.stamp_ns, left, right, series, encoder, notes)
 
