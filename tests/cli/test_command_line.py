@@ -1,43 +1,37 @@
 """Every command helps; wrong use is refused in one form, with the nearest right word, and exit code 2."""
 
+import inspect
 import json
 import os
 import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer.main
 
+from omnivert.cli.app import app
 from omnivert.cli.explain import explanations
 from omnivert.cli.robot.show_config import annotated
 from omnivert.config import Config, parsed
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
-COMMANDS = [
-    ("demo",),
-    ("up",),
-    ("monitor",),
-    ("record",),
-    ("play",),
-    ("rec", "info"),
-    ("rec", "cut"),
-    ("rec", "merge"),
-    ("rec", "export"),
-    ("import", "frames"),
-    ("calibrate",),
-    ("track",),
-    ("extrinsics", "list"),
-    ("extrinsics", "show"),
-    ("extrinsics", "history"),
-    ("extrinsics", "export"),
-    ("bench", "pipeline"),
-    ("bench", "recording"),
-    ("config",),
-    ("explain",),
-]
+
+
+def commands(group: Any, names: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Every command by its names, and its whole help."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*names, name))
+        else:
+            yield (*names, name), inspect.cleandoc(command.help)
+
+
+COMMANDS = dict(commands(typer.main.get_command(app)))
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
@@ -45,6 +39,12 @@ def test_every_command_helps(omnivert: Any, command: tuple[str, ...]) -> None:
     ran = omnivert(*command, "--help")
     assert ran.code == 0
     assert "Usage: omnivert " + " ".join(command) in ran.out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_line_of_help_is_broken_twice(command: tuple[str, ...]) -> None:
+    """Past the first paragraph a line's end in the text is one on the screen, too, after those that the width makes."""
+    assert not [part for part in COMMANDS[command].split("\n\n")[1:] if "\n" in part]
 
 
 def test_without_a_command_it_shows_where_to_begin(omnivert: Any) -> None:

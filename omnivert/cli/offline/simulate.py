@@ -53,8 +53,9 @@ def simulate(
 ) -> None:
     """Drive a simulated robot along a path: pictures through a hyperbolic mirror, encoders, scans, and the exact truth.
 
-    Everything else of world and camera (mirror, mount, height, vibration, exposure, walls, people) stands in the
-    world's file; wheels, ring, picture size and rate are those of --config.
+    Wheels, ring, picture size and rate are those of --config.
+
+    Mirror, mount, height, vibration, exposure, walls and people stand in the world's file.
     """
     if show:
         _show(world, path)

@@ -33,8 +33,9 @@ def record(
 ) -> None:
     """Record a running system until ctrl-c; what is written stays readable even when this is killed.
 
-    Without --config and --robot it is the robot that is there. With a split the files are OUT-001.mcap, OUT-002.mcap
-    and so on, each a recording of its own; omnivert rec merge makes one of them.
+    Without --config and --robot it is the robot that is there.
+
+    With a split the files are OUT-001.mcap, OUT-002.mcap and so on; omnivert rec merge makes one of them.
     """
     from omnivert.wire.bus import Bus
     from services._parts import is_split, numbered
