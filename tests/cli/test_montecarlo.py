@@ -4,10 +4,13 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from omnivert.cli.offline.study_targets import tell_targets
+from omnivert.studies.presets import PRESETS
 from tests.processes import own
 
 from .conftest import Marked, Omnivert
@@ -38,6 +41,23 @@ def test_a_preset_shows_its_targets_beside_the_figures(omnivert: Omnivert) -> No
     ran = omnivert("montecarlo", "--preset", "degenerate", "--runs", "1", "--seed", "9")
     assert ran.code == 0
     assert sum(line.startswith("false calibrated") and line.endswith("✓") for line in ran.out.splitlines()) == 8
+    assert "chance" not in ran.err  # no error over its bound among these targets
+
+
+@pytest.mark.parametrize(("runs", "said"), [(2, "of 2 runs chance alone moves error/bound by 50 %"), (50, "")])
+def test_targets_of_few_runs_are_told_with_what_chance_does(
+    runs: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = replace(PRESETS["world"][0], targets={"efficiency_smoother": (0.0, 1.15)})
+    figures = {
+        "runs": runs,
+        "efficiency": {"smoother": [1.36, 2.27, 1.53]},
+        "targets_met": {"efficiency_smoother": False},
+    }
+    tell_targets([case], {case.name: figures})
+    out, err = capsys.readouterr()
+    assert "missed" in out
+    assert (said in err) if said else not err
 
 
 def test_knocks_are_told_by_kind_with_their_targets(omnivert: Omnivert, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from omnivert.cli.offline import results
 if TYPE_CHECKING:
     from omnivert.studies.presets import Case
 
+_ENOUGH_RUNS = 50  # a root mean square of so many is known to 10 %
+
 
 def tell_targets(cases: "Sequence[Case]", each: dict[str, dict[str, Any]]) -> None:
     from omnivert.studies.summary import figure
@@ -24,6 +26,10 @@ def tell_targets(cases: "Sequence[Case]", each: dict[str, dict[str, Any]]) -> No
         say.result("")
         for line in results.aligned(table):
             say.result(line)
+        runs = min(each[case.name]["runs"] for case in cases)
+        if runs < _ENOUGH_RUNS and any("efficiency" in row[0] for row in table):
+            chance = f"chance alone moves error/bound by {100.0 / math.sqrt(2.0 * runs):.0f} %"
+            say.story(f"[yellow]note[/]    of {runs} runs {chance}: the targets are for {_ENOUGH_RUNS} and more")
 
 
 def numbers(value: Any) -> str:
