@@ -149,8 +149,8 @@ def test_what_would_hang_above_its_wall_is_not_there() -> None:
         "fixtures": [{"kind": kind, "at_m": 2} for kind in get_args(Kind)],
     }
     panels, rounds = built(Place.model_validate({"wall": [wall]}))
-    assert all(thing.low_m < thing.high_m for thing in panels)
-    assert not rounds
+    assert all(panel.low_m < panel.high_m for panel in panels)
+    assert [(pipe.kind, pipe.low_m, pipe.high_m) for pipe in rounds] == [("pipe", 0.0, 0.8)]
     assert {thing.kind for thing in panels} == {"wall", "door", "door_frame", "shelf", "cabinet", "pilaster"}
 
 
