@@ -1,6 +1,7 @@
 """The house: who may import whom, and each foreign package in its one room."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -66,7 +67,8 @@ ONE_ROOM = {
 }
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def imported(path: Path) -> frozenset[str]:
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -74,7 +76,7 @@ def imported(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             names.add(node.module)
             names.update(f"{node.module}.{alias.name}" for alias in node.names)
-    return names
+    return frozenset(names)
 
 
 def place(module: str) -> tuple[int, str]:

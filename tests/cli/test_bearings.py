@@ -43,7 +43,7 @@ def sensor(omnivert: Any, folder: Path, tmp_path: Path) -> Path:
 def test_an_import_says_what_it_wrote_and_what_to_type_next(omnivert: Any, folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.mcap"
     ran = omnivert("import", "bearings", folder, "-o", out)
-    assert re.search(r"out\.mcap  0\.1 MB · \d+ Bearings · \d+ Ticks$", ran.out.strip())
+    assert re.search(r"out\.mcap  0\.1 MB · \d+ bearings · \d+ ticks$", ran.out.strip())
     assert ran.err.splitlines() == [f"next    omnivert calibrate {out}"]
     assert (omnivert("import", "bearings", folder, "-o", out).code, out.is_file()) == (2, True)  # never overwritten
     told = omnivert("import", "bearings", folder, "-o", tmp_path / "other.mcap", "--json").json
