@@ -130,4 +130,10 @@ DATA = {
         "Where only the stamps are wrong, --bag-times of omnivert import rosbag takes the time of recording in their "
         "place. Otherwise record again; no half-written recording was left.",
     ),
+    "OV334": Explanation(
+        "no_mount_to_export",
+        "A bag for ROS holds the mounts that the calibration found while the robot drove. This recording has none: the "
+        "drive did not show the mount, or only the sensors were recorded.",
+        "omnivert calibrate says what the drive is missing; a recording made beside a calibration holds its estimates.",
+    ),
 }

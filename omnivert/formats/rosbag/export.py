@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from omnivert.errors import DataError
 from omnivert.formats.exported_file import appearing
 from omnivert.formats.extrinsics_export import robot_from_camera
 from omnivert.formats.rosbag.file import BagWriter
@@ -30,7 +31,7 @@ def export_rosbag(
     origin_ns  added to every stamp: where a recording that came from a bag has its origin
     parent     name of the robot's frame
     returns    messages written, by topic
-    raises     UseError when `out` is there already, DataError when it cannot be written
+    raises     UseError when `out` is there already, DataError when it cannot be written or there is no mount to write
     """
     written: Counter[str] = Counter()
     pose_topic = f"/omnivert/{camera.replace('-', '_')}/mount"  # no dash in the names of ROS 2
@@ -58,6 +59,9 @@ def export_rosbag(
                 )
                 bag.write("/tf", stamp_ns, bag.make("tf2_msgs/TFMessage", transforms=[link]))
                 written["/tf"] += 1
+        if not written:
+            because = "none of its estimates has a mount: the drive did not show one, or no calibration was recorded"
+            raise DataError("OV334", "there is no mount to write into a bag", because, "omnivert calibrate REC")
     return written
 
 
