@@ -1,6 +1,7 @@
 """Camera and encoder onto the bus, each on its own: neither waits for the other, and each may be away."""
 
 import argparse
+import logging
 import sys
 import threading
 import time
@@ -20,6 +21,7 @@ from omnivert.wire.bus import Bus
 from omnivert.wire.channels import FRAME, TICKS
 from services import _start
 
+_log = logging.getLogger("omnivert.bridge")
 TURN_S = 0.1  # how often the loop looks at the rest while no frame comes
 TELL_NS = 10**9  # how often health hears of the encoder's clock
 JOIN_S = 1.0  # a thread that is stuck in a driver is left behind
@@ -118,7 +120,7 @@ def read_camera(
 
 
 class Silence:
-    """Tells health that a device is away, or there but silent."""
+    """Tells health that a device is away, or there but silent; and who reads along, once, why, and when it is back."""
 
     def __init__(self, bus: Bus, device: str, place: str, after_s: float) -> None:
         self._bus = bus
@@ -127,12 +129,16 @@ class Silence:
         self._after_s = after_s
         self._heard_s = time.monotonic()
         self._away = False
+        self._said: str | None = None
 
     def device(self, lost: str | None) -> None:
         """The device is lost for this reason, or there again."""
         self._away = lost is not None
         self._heard_s = time.monotonic()
         self._bus.note(f"{self._device}: {self._place} {lost}" if lost else None, self._device)
+        if lost != self._said:
+            _log.warning("%s: %s %s", self._device, self._place, lost if lost is not None else "is there again")
+            self._said = lost
 
     def step(self, heard: bool) -> None:
         """Something usable has come, or has not."""

@@ -227,6 +227,15 @@ def test_a_camera_that_is_away_is_not_said_to_be_open(config: Config, monkeypatc
     assert "is open and has given nothing usable" in str(notes["camera silence"])
 
 
+def test_who_reads_along_learns_once_why_a_device_is_away(caplog: pytest.LogCaptureFixture) -> None:
+    bus: Any = SimpleNamespace(note=lambda text, about: None)
+    silence = bridge.Silence(bus, "encoder", "/dev/wheels", after_s=1.0)
+    for lost in (None, "does not open", "does not open", "permission denied", None, None):
+        silence.device(lost)
+    said = ["does not open", "permission denied", "is there again"]
+    assert caplog.messages == [f"encoder: /dev/wheels {text}" for text in said]
+
+
 def test_images_of_another_size_are_published_as_they_are_and_noted(bridged: Bridged, config: Config) -> None:
     stream = bridged.other.listen(FRAME, HEALTH, period_s=0.02)
     show_images(config, 2, PICTURE[:40])
