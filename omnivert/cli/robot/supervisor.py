@@ -16,7 +16,7 @@ from typing import Any, Self
 from omnivert.cli.interrupts import held_back
 from omnivert.errors import UseError
 
-_STOP_S = 2.0  # for all that stand on the router, to end by themselves
+_STOP_S = 4.0  # for all that stand on the router, to end by themselves; after 2.5 s they end themselves by force
 _ROUTER_S = 0.5  # and then for the router
 _FIRST_PAUSE_S = 0.2
 _LONGEST_PAUSE_S = 5.0
@@ -114,7 +114,7 @@ class Supervisor:
         return process.pid if process is not None and process.poll() is None else None
 
     def stop(self) -> None:
-        """Stops all within 3 s; who does not stop is killed."""
+        """Stops all within 5 s; who does not stop is killed."""
         with self._lock:
             self._stopping.set()
         children = list(self._children.values())
