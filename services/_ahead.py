@@ -13,12 +13,14 @@ T = TypeVar("T")
 def read_ahead(items: Iterator[T], size: Callable[[T], int], most: int) -> Iterator[Iterator[T]]:
     """The same items, of which a thread has up to `most` in `size` ready, one at least; it ends with the block.
 
-    What reading raises is raised where the item would have come.
+    The block begins when so much is ready, or all there is: while a thread reads as fast as it can, nothing else in
+    the process keeps its time. What reading raises is raised where the item would have come.
     """
     reader = _Reader(items, size, most)
     thread = threading.Thread(target=reader.read, name="read-ahead", daemon=True)
     thread.start()
     try:
+        reader.await_ready()
         yield reader.taken()
     finally:
         reader.stop()
@@ -54,6 +56,11 @@ class _Reader(Generic[T]):
             self._error = error
         finally:
             self.stop()
+
+    def await_ready(self) -> None:
+        """Until as much is ready as may be, or nothing more comes."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._over or (self._ready and self._sum >= self._most))
 
     def taken(self) -> Iterator[T]:
         while True:

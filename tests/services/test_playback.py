@@ -364,7 +364,9 @@ def test_what_is_read_ahead_is_the_same_and_bounded(items: Any, most: Any) -> No
 
 
 def test_a_reader_that_is_left_ends_and_what_it_raises_comes_in_its_place() -> None:
-    with read_ahead(itertools.count(), lambda _: 1, 10) as ahead:
+    read = itertools.count()
+    with read_ahead(read, lambda _: 1, 10) as ahead:
+        assert next(read) >= 10, "it begins with all that may be ready"
         assert next(ahead) == 0
 
     def failing() -> Iterator[int]:
