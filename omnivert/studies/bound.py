@@ -48,8 +48,10 @@ class Bound:
 class Slopes:
     """How each bearing changes with what it depends on; N bearings, divided by their sigma."""
 
+    at: Array  # (F, 3) poses of the frames
     frame: NDArray[np.int64]  # (N,)
     track: NDArray[np.int64]  # (N,)
+    std: Array  # (N,) rad
     pose: Array  # (N, 3) x, y, heading of the robot at the frame
     line: Array  # (N, 2) x, y of the line
     mount: Array  # (N, 3) phi, rho, psi
@@ -69,19 +71,40 @@ def bound_of(
     knock = drive.scene.knock
     until = until_s if knock is None else min(until_s, knock.at_s)
     samples = _nominal_pose(drive, config) if nominal else drive.sample_pose
-    frames = drive.time_s[drive.time_s < until]
-    pose = np.stack([np.interp(frames, drive.sample_time_s, samples[:, k]) for k in range(3)], axis=1)
-    slopes = slopes_of(drive, pose)
-    covariance, shifts = _wheels(drive, config, samples, frames, pose)
-    direct = np.stack([shifts[name] for name in names], axis=-1) if names else np.zeros((frames.size, 3, 0))
+    slopes, covariance, shifts = _until(drive, config, samples, until)
+    direct = np.stack([shifts[name] for name in names], axis=-1) if names else np.zeros((*slopes.at.shape, 0))
     outer = np.concatenate([slopes.mount, np.einsum("ni,nik->nk", slopes.pose, direct[slopes.frame])], axis=1)
-    # By twists: the pose's slope carried to the world's origin.
-    x, y = pose[slopes.frame, 0], pose[slopes.frame, 1]
-    twist = slopes.pose.copy()
-    twist[:, 2] += slopes.pose[:, 1] * x - slopes.pose[:, 0] * y
-    information = _information(slopes, twist, outer, covariance)
-    information += np.eye(information.shape[0]) / WEAK**2
-    return Bound((*MOUNT, *names), np.asarray(np.linalg.inv(information), dtype=np.float64))
+    return Bound((*MOUNT, *names), _inverse(_information(slopes, outer, covariance)))
+
+
+def knock_bound(drive: Drive, config: Config, until_s: float) -> Array:
+    """The least covariance (3, 3) of a knock, in yaw (rad), forward and to the left (m), for who knows when it came.
+
+    Mount and lines are unknown as ever. What is seen before until_s counts; the knock's own size is small enough not
+    to change how the bearings depend on it.
+    """
+    assert drive.scene.knock is not None
+    slopes, covariance, _ = _until(drive, config, _nominal_pose(drive, config), until_s)
+    heading = slopes.at[slopes.frame, 2]
+    by_place, std = slopes.pose[:, :2], slopes.std
+    out = np.column_stack([np.cos(heading), np.sin(heading)])
+    side = np.column_stack([-out[:, 1], out[:, 0]])
+    jump = np.column_stack([-1.0 / std, (by_place * out).sum(axis=1), (by_place * side).sum(axis=1)])
+    jump[drive.time_s[slopes.frame] < drive.scene.knock.at_s] = 0.0
+    information = _information(slopes, np.concatenate([slopes.mount, jump], axis=1), covariance)
+    return _inverse(information)[3:, 3:]
+
+
+def _until(drive: Drive, config: Config, samples: Array, until_s: float) -> tuple["Slopes", Array, dict[str, Array]]:
+    """Slopes of all pictures before a time with the robot on this way, and what the wheels leave open between them."""
+    frames = drive.time_s[drive.time_s < until_s]
+    pose = np.stack([np.interp(frames, drive.sample_time_s, samples[:, k]) for k in range(3)], axis=1)
+    return slopes_of(drive, pose), *_wheels(drive, config, samples, frames, pose)
+
+
+def _inverse(information: Array) -> Array:
+    weak = information + np.eye(information.shape[0]) / WEAK**2
+    return np.asarray(np.linalg.inv(weak), dtype=np.float64)
 
 
 def slopes_of(drive: Drive, pose: Array) -> Slopes:
@@ -95,7 +118,7 @@ def slopes_of(drive: Drive, pose: Array) -> Slopes:
     std = np.concatenate([m.std_rad[good] for m, good in zip(messages, drive.inlier, strict=False)])
     if not track.size:
         empty = np.zeros((0, 3))
-        return Slopes(frame.astype(np.int64), track, empty, empty[:, :2], empty)
+        return Slopes(pose, frame.astype(np.int64), track, std, empty, empty[:, :2], empty)
     line = np.array([drive.line_of_track[k] for k in track.tolist()])
     phi, rho, _ = drive.mount
     along = pose[frame, 2] + phi
@@ -105,8 +128,10 @@ def slopes_of(drive: Drive, pose: Array) -> Slopes:
     turn = np.stack([-sight[:, 1], sight[:, 0]], axis=1) / (sight**2).sum(axis=1)[:, None]  # d beta / d line
     by_heading = -rho * (turn * side).sum(axis=1) - 1.0
     return Slopes(
+        pose,
         frame.astype(np.int64),
         track,
+        std,
         np.column_stack([-turn, by_heading]) / std[:, None],
         turn / std[:, None],
         np.column_stack([by_heading, -(turn * out).sum(axis=1), np.full(frame.size, -1.0)]) / std[:, None],
@@ -201,14 +226,17 @@ def _carried(twist: Array, pose: Array) -> Array:
     )
 
 
-def _information(slopes: Slopes, twist: Array, outer: Array, covariance: Array) -> Array:
+def _information(slopes: Slopes, outer: Array, covariance: Array) -> Array:
     """(n, n) of the outer unknowns: lines, then wheels are eliminated (Schur).
 
-    twist       (N, 3)        slope of each bearing by the twist up to its frame
-    outer       (N, n)        by mount and corrections
+    outer       (N, n)        slope of each bearing by mount and corrections
     covariance  (F - 1, 3, 3) of the twist between frames
     """
     count, n = covariance.shape[0] + 1, outer.shape[1]
+    # By the twist up to its frame: the pose's slope carried to the world's origin.
+    x, y = slopes.at[slopes.frame, 0], slopes.at[slopes.frame, 1]
+    twist = slopes.pose.copy()
+    twist[:, 2] += slopes.pose[:, 1] * x - slopes.pose[:, 0] * y
     among = np.zeros((3 * count, 3 * count))
     across = np.zeros((3 * count, n))
     own = np.zeros((n, n))
