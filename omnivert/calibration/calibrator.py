@@ -13,7 +13,7 @@ from omnivert.calibration.judging.steadiness import Steadiness
 from omnivert.calibration.judging.telling import is_told
 from omnivert.calibration.judging.verdict import Shown, Verdict, paper_verdict, verdict
 from omnivert.calibration.kalman.definite import factor
-from omnivert.calibration.kalman.ekf import Filter, Innovation, Rules, rules_of_the_paper
+from omnivert.calibration.kalman.ekf import Filter, Rules, rules_of_the_paper
 from omnivert.calibration.kalman.model import mount_difference
 from omnivert.calibration.kalman.pulse import Pulse
 from omnivert.calibration.sighting import Sighting, clean_sighting
@@ -158,23 +158,24 @@ class Calibrator:
                 self._pulse.forget_lines()
             if motion.wheels_m.any():  # at rest nothing moves, and nothing more becomes unsure
                 self._pulse.predict(motion)
-            fresh = self._see(sighting, reasons) if self._paper or self._way.is_at_keyframe else None
+            is_asked = self._paper or self._way.is_at_keyframe
+            if is_asked:
+                self._see(sighting, reasons)
             still = not wrong and not motion.wheels_m.any()
-            knock = self._claims.watched(sighting.stamp_ns, still, sighting, self._pulse, fresh)
+            knock = self._claims.watched(sighting.stamp_ns, still, sighting, self._pulse, is_asked)
         self._lines_seen = sighting.track.size
         knock = knock or self._claims.compared(sighting.stamp_ns, self._smoothing.recent())
         if knock:
             self._reopen(knock)
         return self._told(sighting.stamp_ns, reasons, knocked=bool(knock))
 
-    def _see(self, sighting: Sighting, reasons: list[str]) -> Innovation:
+    def _see(self, sighting: Sighting, reasons: list[str]) -> None:
         if not self._pulse.update(replace(sighting, std=np.sqrt(self._noise.bearings) * sighting.std)):
             self._refused["filter: covariance lost its definiteness"] += 1
             reasons.append("the filter lost its footing and starts anew")
             if self._stored is not None:
                 self._stored = None
                 self._claims.forget()
-        fresh = self._pulse.innovation
         if not self._paper:
             stamp_s = sighting.stamp_ns / SECOND
             self._smoothing.append(Keyed(stamp_s, self._way.take_key(), sighting.track, sighting.beta, sighting.std))
@@ -182,7 +183,6 @@ class Calibrator:
                 self._adopt(self._smoothing.finished(), reasons)
                 self._smoothing.begin()
                 self._pulse.mark()
-        return fresh
 
     def _reopen(self, knock: str) -> None:
         """The camera has moved: what was seen before says nothing of where it is now."""
@@ -217,7 +217,7 @@ class Calibrator:
         if result.doubted:  # errors that stay alike from frame to frame lead a filter away that takes them for noise
             self._pulse.drop()
         elif np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
-            self._pulse.seed(result)
+            self._pulse.seed(result, self._claims.are_watched)
             self._noise = result.noise
             self._way.correct(result.corrections, result.noise)
 

@@ -10,7 +10,7 @@ from omnivert.config import Config
 from omnivert.messages import Bearings
 from omnivert.odometry import after, arc
 from omnivert.simulation.recording import Drive, Knock, Scene, recorded
-from omnivert.studies.bound import CORRECTIONS, Bound, bound_of, slopes_of, twists, wheel_slopes
+from omnivert.studies.bound import CORRECTIONS, Bound, bound_of, knock_bound, slopes_of, twists, wheel_slopes
 
 Array = NDArray[np.float64]
 STEP = 1e-6
@@ -143,3 +143,57 @@ def test_outliers_carry_no_information() -> None:
     frames = sum(isinstance(m, Bearings) for m in drive.messages)
     none = np.zeros(frames, dtype=np.bool_)
     assert (sigmas(bound_of(only(drive, none), Config())) > 5.0).all()
+
+
+# ------------------------------------------------------------------ a knock
+
+
+def test_the_bound_of_a_knock_is_that_of_least_squares_over_everything() -> None:
+    """By numbers: the slopes of all bearings and wheel noises by all unknowns, the jump among them, at the truth."""
+    config = Config.model_validate({"encoder": {"noise_k_m": 2e-4}})
+    scene = Scene(path="alternate", lines=6, lasting=True, frame_s=1.0, sample_s=0.1, knock=Knock(9.5, yaw_rad=1e-9))
+    drive = recorded(scene, config, 4)
+    found = knock_bound(drive, config, 14.2)
+    frames = int((drive.time_s < 14.2).sum())
+    messages = [m for m in drive.messages if isinstance(m, Bearings)][:frames]
+    names = sorted({name for m in messages for name in m.track_id.tolist()})
+    told = np.diff(drive.sample_wheels_m, axis=0)
+    last = int(np.searchsorted(drive.sample_time_s, drive.time_s[frames - 1], side="right"))
+    moves = told[:last]
+    rolled = np.flatnonzero(np.abs(moves).ravel() > 0.0)
+
+    def bearings(noise: Array, mount: Array, jump: Array, lines: Array) -> Array:
+        wheels = moves.copy()
+        wheels.ravel()[rolled] += noise * np.sqrt(2e-4 * np.abs(wheels.ravel()[rolled]))
+        pose = np.zeros((last + 1, 3))
+        for i, step in enumerate(arc(wheels[:, 0], wheels[:, 1], config.robot.wheel_base_m)):
+            pose[i + 1] = after(pose[i], step)
+        at = np.stack([np.interp(drive.time_s[:frames], drive.sample_time_s[: last + 1], pose[:, k]) for k in range(3)])
+        out = []
+        for f, m in enumerate(messages):
+            x, y, heading = at[:, f]
+            hit = drive.time_s[f] >= 9.5
+            place = np.array([mount[1] * np.cos(mount[0]), mount[1] * np.sin(mount[0])]) + hit * jump[1:]
+            c, s = np.cos(heading), np.sin(heading)
+            camera = np.array([x + c * place[0] - s * place[1], y + s * place[0] + c * place[1]])
+            sight = lines[[names.index(n) for n in m.track_id.tolist()]] - camera
+            out.append(np.arctan2(sight[:, 1], sight[:, 0]) - heading - mount[0] - mount[2] - hit * jump[0])
+        return np.concatenate(out)
+
+    # The drive as the encoders tell it, and the lines where they then stand: the bound is linearised there.
+    lines = np.array([drive.line_of_track[name] for name in names])
+    parts = [np.zeros(rolled.size), drive.mount, np.zeros(3), lines.ravel()]
+    cuts = np.cumsum([part.size for part in parts])[:-1]
+
+    def of(x: Array) -> Array:
+        noise, mount, jump, places = np.split(x, cuts)
+        return bearings(noise, mount, jump, places.reshape(-1, 2))
+
+    x = np.concatenate(parts)
+    good = np.concatenate(drive.inlier[:frames])
+    slope = np.stack([wrap(of(x + h) - of(x - h))[good] / (2.0 * STEP) for h in STEP * np.eye(x.size)], axis=1)
+    information = slope.T @ slope / scene.bearing_std_rad**2
+    information[np.diag_indices(rolled.size)] += 1.0
+    everything = np.linalg.inv(information + 1e-9 * np.eye(x.size))
+    jump = slice(cuts[1], cuts[2])
+    np.testing.assert_allclose(found, everything[jump, jump], rtol=0.05, atol=1e-9)

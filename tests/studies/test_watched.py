@@ -14,7 +14,7 @@ from omnivert.studies.knocks import Knocked, knock_figures, knock_study, knocked
 from omnivert.studies.presets import KNOCKS, LONG, Case
 from omnivert.studies.watched_charts import write_knocks, write_rooms
 
-NOTICED = Knocked("1 mrad", 3, "yaw", 30.0, True, 0, 1.0, 9.0, 0.3, True, 25.0, True)
+NOTICED = Knocked("1 mrad", 3, "yaw", 30.0, True, 0, 0.9, 1.0, 9.0, 0.3, True, 25.0, True)
 
 
 def test_a_knock_is_driven_through_noticed_taken_back_and_calibrated_anew() -> None:
@@ -25,6 +25,8 @@ def test_a_knock_is_driven_through_noticed_taken_back_and_calibrated_anew() -> N
     assert 0.0 <= run.noticed_s <= 3.0
     assert run.told_off_s is not None
     assert abs(run.told_off_s) < 1.0
+    assert run.best_chance is not None
+    assert run.best_chance > 0.9
     assert run.superseded
     assert run.recalibrated_s is not None
     assert run.recalibrated_s > run.noticed_s
@@ -43,13 +45,14 @@ def test_a_knock_changes_nothing_that_came_before_it() -> None:
 
 def test_what_was_never_noticed_counts_as_late_and_what_never_could_be_does_not_count() -> None:
     missed = replace(NOTICED, noticed_s=None, told_off_s=None, superseded=False, recalibrated_s=None, honest=None)
-    early = replace(missed, is_hit=False, false_alarms=1)
-    never = replace(missed, is_hit=False)
-    slow = replace(NOTICED, noticed_s=8.0)
+    early = replace(missed, is_hit=False, false_alarms=1, best_chance=None)
+    never = replace(missed, is_hit=False, best_chance=None)
+    slow = replace(NOTICED, noticed_s=8.0, best_chance=0.3)
     figures = knock_figures([NOTICED, missed, slow, early, never])
     assert figures["knocks"] == 3
     assert figures["never_watched"] == figures["false_alarms"] == 1
     assert figures["noticed_within_3_s_share"] == pytest.approx(1 / 3)
+    assert figures["best_within_3_s_share"] == pytest.approx((0.9 + 0.9 + 0.3) / 3)
     assert figures["noticed_by_next_turn_share"] == figures["noticed_by_turn_or_60_s_share"] == pytest.approx(2 / 3)
     assert figures["superseded_share"] == pytest.approx(2 / 3)
     assert figures["noticed_s"]["max"] == 8.0

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import omnivert
-from omnivert.calibration.kalman.ekf import Innovation
 from omnivert.calibration.kalman.pulse import Pulse
 from omnivert.calibration.kalman.watchdog import Alarm, Watchdog
 from omnivert.calibration.sighting import Sighting
@@ -54,21 +53,25 @@ class Claims:
         """The drive contradicts them."""
         self._last, self._watchdog, self._settling = None, None, 0
 
-    def watched(self, stamp_ns: int, still: bool, sighting: Sighting, pulse: Pulse, fresh: Innovation | None) -> str:
+    @property
+    def are_watched(self) -> bool:
+        return self._watchdog is not None
+
+    def watched(self, stamp_ns: int, still: bool, sighting: Sighting, pulse: Pulse, is_asked: bool) -> str:
         """What has become of the camera since it was claimed: empty, or how it moved.
 
-        fresh  what the filter made of this frame; None when it was not asked
+        is_asked  whether this frame has gone through the filter
         """
-        if self._last is not None and fresh is not None and self._settling < SETTLED:
+        if self._last is not None and is_asked and self._settling < SETTLED:
             self._settling += 1
             if self._settling == SETTLED:
                 self._watch(self._last.mount, self._last.stamp_ns)
-        dog, known = self._watchdog, pulse.filter
+        dog, (known, evidence) = self._watchdog, pulse.watched
         if dog is None or known is None:
             return ""
         alarm = dog.stand(stamp_ns, still, sighting.track, sighting.beta, sighting.std, known)
-        if alarm is None and fresh is not None:
-            alarm = dog.step(stamp_ns, known, fresh.evidence)
+        if alarm is None and is_asked:
+            alarm = dog.step(stamp_ns, known, evidence)
         return "" if alarm is None else _told(alarm, stamp_ns)
 
     def compared(self, stamp_ns: int, recent: tuple[float, Array, Array] | None) -> str:

@@ -225,6 +225,10 @@ class Filter:
         """Keep only the mount."""
         self._keep([])
 
+    def follow(self, follows: bool) -> None:
+        """Jumps are followed from the next update on, or no more."""
+        self.follows, self.followed = follows, self.followed[:, :0]
+
     def expected(self) -> tuple[Array, Array]:
         """Predicted bearing of every line (Z,) and its slope by the line's own two and by phi, rho, psi (Z, 5)."""
         layout = self.layout

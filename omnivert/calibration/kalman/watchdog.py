@@ -40,11 +40,11 @@ class WatchRules:
     support: float = -2.0  # log likelihood that the next frames must at least leave to a jump that looks sure
     fine: int = 4  # the jump may have been in any of so many last frames,
     coarse: int = 16  # or in every `fine`th of so many,
-    longest: int = 192  # or in every `coarse`th of so many
+    longest: int = 192  # or in every `coarse`th of so many, or where it looks likeliest
     ripe_s: float = 60.0  # a better mount may have swallowed a knock: it is held against the drive after so long
     slow_chance: float = 1e-5  # the same for mounts that are compared
     in_a_row: int = 2  # frames at rest, or mounts, that must say so
-    age: int = 8  # frames in which a line must have been seen
+    age: int = 3  # frames in which a line must have been seen
     unsure: float = 3.0  # times the median sigma: a bearing foretold worse is of a line too near or bent for one slope
     yaw_std: float = float(np.deg2rad(4.0))  # a knock to be expected: no bearing is rejected for such a one
     place_std: float = 0.03  # m
@@ -140,12 +140,12 @@ class Watchdog:
     def step(self, stamp_ns: int, known: Filter, evidence: Evidence | None) -> Alarm | None:
         """After each update of the filter, with what it had expected."""
         if self.alarm is not None:
-            known.follows, known.followed = False, known.followed[:, :0]
+            known.follow(False)
             return None
         if evidence is None:
             return None
         if not known.follows or evidence.shift.shape[1] != 3 * len(self._jumps) + 3:  # a new filter, or a new mount
-            known.follows, known.followed = True, known.followed[:, :0]
+            known.follow(True)
             self._forget_jumps()
             return None
         self.frames += 1
@@ -180,7 +180,8 @@ class Watchdog:
             return self._raised(
                 self._jumps[first].stamp_ns, self._scores[first], self._informations[first], Kind.DRIVING
             )
-        stay = [k for k, jump in enumerate(self._jumps) if self._stays(jump)]
+        likeliest = int(np.argmax(self.chi))
+        stay = [k for k, jump in enumerate(self._jumps) if self._stays(jump, k == likeliest)]
         if len(stay) < len(self._jumps):
             self._jumps = [self._jumps[k] for k in stay]
             self._scores, self._informations = self._scores[stay], self._informations[stay]
@@ -245,11 +246,11 @@ class Watchdog:
         self._scores, self._informations = np.zeros((0, 3)), np.zeros((0, 3, 3))
         self.chi = np.zeros(0)  # of the last step, by jump: chi-square of 3 if there was none
 
-    def _stays(self, jump: Jump) -> bool:
+    def _stays(self, jump: Jump, is_likeliest: bool) -> bool:
         """Whether a jump at that frame is still asked about after the next one."""
         rules, age = self.rules, self.frames - jump.number + 1
         every = 1 if age < rules.fine else rules.fine if age < rules.coarse else rules.coarse
-        return age < rules.longest and jump.number % every == 0
+        return age < rules.longest and (is_likeliest or jump.number % every == 0)
 
     def _jumped(self, track: Index, beta: Array, std: Array, known: Filter) -> tuple[Array, Array] | None:
         """Score and information of a jump since the robot stands, from lines seen before it and now."""

@@ -14,6 +14,8 @@ from omnivert.calibration.solver.smoother import Solution, joint
 
 Array = NDArray[np.float64]
 
+LOOSE = 0.3  # 1/m, sigma of 1/D from which on a line bends too much for one slope
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seed:
@@ -22,6 +24,18 @@ class Seed:
     lines: Array  # (N, 2) 1/D, theta
     covariance: Array  # (2 N + 3, 2 N + 3)
     tracks: tuple[int, ...]
+
+    def without_loose(self) -> "Seed":
+        """Only the lines of which the distance is known well enough for a filter.
+
+        One that was seen along the way alone may be anywhere on it. From the next bearings across, a filter makes a
+        distance that is wrong by many of its own sigmas; the solver finds the right one.
+        """
+        n = len(self.tracks)
+        firm = np.flatnonzero(np.diag(self.covariance)[: 2 * n : 2] < LOOSE**2)
+        rows = np.concatenate([(2 * firm[:, None] + [0, 1]).ravel(), 2 * n + np.arange(3)])
+        names = tuple(self.tracks[k] for k in firm.tolist())
+        return Seed(self.lines[firm], self.covariance[np.ix_(rows, rows)], names)
 
 
 def seed_of(line: Index, track: Index, names: Index, solution: Solution, x: Unknowns) -> Seed:
