@@ -22,6 +22,7 @@ from omnivert.calibration.solver.batch import Batch
 from omnivert.calibration.solver.noise import Noise
 from omnivert.calibration.solver.result import Outcome, Result
 from omnivert.calibration.solver.stretch import Keyed
+from omnivert.calibration.symmetric import evened
 from omnivert.calibration.way import Way
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
@@ -291,15 +292,15 @@ class Calibrator:
                 covariance = larger(covariance, self._stored.covariance)
             elif result is not None:
                 covariance = larger(covariance, result.covariance) + result.excess
-            return running.mount, 0.5 * (covariance + covariance.T)
+            return running.mount, evened(covariance)
         if result is not None and len(result.centres) >= 2:
             return result.mount, result.honest_covariance
         return None, None
 
     def _is_shown(self, covariance: Array) -> bool:
-        result = self._smoothing.result
-        seen = None if self._stored is not None else self._smoothing.outcome.seen
-        return self._paper or is_told(covariance, seen, doubted=result is not None and result.doubted)
+        outcome = self._smoothing.outcome
+        seen = None if self._stored is not None else outcome.seen
+        return self._paper or is_told(covariance, seen, outcome.doubted)
 
     def _judged(self, mount: Array | None, covariance: Array | None) -> Verdict:
         result, outcome = self._smoothing.result, self._smoothing.outcome
@@ -320,7 +321,7 @@ class Calibrator:
             seen=outcome.seen,
             todo=None if result is None else result.todo,
             gap=np.inf if result is None or self._stored is not None else result.gap,
-            doubted=result is not None and result.doubted,
+            doubted=outcome.doubted,
             steady=self._steadiness.keyframes,
             phi_rad=None if mount is None else float(mount[0]),
         )

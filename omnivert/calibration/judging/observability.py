@@ -24,6 +24,7 @@ from scipy.linalg import eigh
 
 from omnivert.angles import wrap
 from omnivert.calibration.kalman.model import polar_from_cartesian
+from omnivert.calibration.symmetric import evened
 
 Array = NDArray[np.float64]
 
@@ -130,7 +131,7 @@ def pieces(wheels: Array, base: float, noise_k: float, tick_m: float) -> list[Pi
 
 def covariance_from_information(information: Array) -> Array:
     """Inverse (3, 3) of eta, cx, cy; what nothing is known of gets a sigma of 100 rad or m."""
-    return np.asarray(np.linalg.inv(0.5 * (information + information.T) + 1e-4 * np.eye(3)), dtype=np.float64)
+    return np.asarray(np.linalg.inv(evened(information) + 1e-4 * np.eye(3)), dtype=np.float64)
 
 
 def larger(first: Array, second: Array) -> Array:
@@ -161,7 +162,7 @@ def seen(information: Array, mount: Array, centres: tuple[Piece, ...], limit_rad
     limit_rad, limit_m   a direction is seen when its sigma, in these units, is at most 1
     """
     unit = np.array([limit_rad, limit_m, limit_m])
-    information = 0.5 * (information + information.T)
+    information = evened(information)
     value, vector = np.linalg.eigh(unit[:, None] * information * unit)
     covariance = covariance_from_information(information)
     slope = polar_from_cartesian(mount)[1]

@@ -69,18 +69,6 @@ def foretold(covariance: Array, slopes: Array, lines: Index, std: Array) -> Arra
 
 
 @compiled
-def evened(matrix: Array) -> Array:
-    """The mean of a matrix (N, N) and its transpose."""
-    out = np.empty(matrix.shape)
-    for i in range(matrix.shape[0]):
-        for j in range(i + 1):
-            mean = 0.5 * (matrix[i, j] + matrix[j, i])
-            out[i, j] = mean
-            out[j, i] = mean
-    return out
-
-
-@compiled
 def picked(matrix: Array, rows: Index) -> Array:
     """These rows and columns of a matrix (N, N) alone (K, K)."""
     out = np.empty((rows.size, rows.size))
@@ -88,17 +76,6 @@ def picked(matrix: Array, rows: Index) -> Array:
         for j in range(rows.size):
             out[i, j] = matrix[rows[i], rows[j]]
     return out
-
-
-@compiled
-def mirrored(upper: Array) -> Array:
-    """The symmetric matrix (N, N) that has this upper triangle."""
-    whole = np.empty(upper.shape)
-    for i in range(upper.shape[0]):
-        for j in range(i, upper.shape[0]):
-            whole[i, j] = upper[i, j]
-            whole[j, i] = upper[i, j]
-    return whole
 
 
 @compiled

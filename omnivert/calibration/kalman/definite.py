@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from omnivert.calibration.kalman import blocks
+from omnivert.calibration.symmetric import mirrored
 
 Array = NDArray[np.float64]
 
@@ -22,4 +22,4 @@ def inverse(covariance: Array) -> Array | None:
     if lower is None:
         return None
     half, failed = lapack.dpotri(lower, lower=1)
-    return None if failed else blocks.mirrored(half.T)
+    return None if failed else mirrored(half.T)

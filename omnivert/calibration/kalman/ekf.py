@@ -10,6 +10,7 @@ from omnivert.angles import wrap
 from omnivert.calibration.kalman import blocks, model
 from omnivert.calibration.kalman.definite import factor, inverse
 from omnivert.calibration.kalman.structured import Moved, Slopes, Spread
+from omnivert.calibration.symmetric import evened
 from omnivert.odometry import Motion
 
 Array = NDArray[np.float64]
@@ -278,7 +279,7 @@ class Filter:
         assert kalman.P.shape == self.P.shape
         self.x = kalman.x
         self.x[self.layout.heading] = model.wrapped(self.x[self.layout.heading].copy())
-        self.P = blocks.evened(kalman.P)
+        self.P = evened(kalman.P)
         if self.followed.shape[1]:
             self.followed = self.followed - kalman.K @ shift[kept]
         return kept, evidence

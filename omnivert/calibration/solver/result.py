@@ -10,6 +10,7 @@ from omnivert.calibration.judging.observability import Piece, Seen, larger
 from omnivert.calibration.solver.noise import Component, Noise
 from omnivert.calibration.solver.parts import Recent, widened
 from omnivert.calibration.solver.seed import Seed
+from omnivert.calibration.symmetric import evened
 from omnivert.messages import Correction
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ class Result:
 
     @property
     def honest_covariance(self) -> Array:
-        return 0.5 * (self.covariance + self.covariance.T) + self.excess
+        return evened(self.covariance) + self.excess
 
     def sum_sigma(self) -> float:
         """Sigma of phi + psi, rad."""
@@ -48,7 +49,7 @@ class Result:
     def excess(self) -> Array:
         """What the nominal way, and the parts' disagreement, leave open beyond the solution's own covariance (3, 3)."""
         gap = widened(self.mount, larger(self.covariance, self.shown), self.scatter, self.doubted) - self.covariance
-        return 0.5 * (gap + gap.T)
+        return evened(gap)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,3 +62,8 @@ class Outcome:
     share: float  # of the bearings that the best solution explains, clear or not
     wrong: str  # what is wired wrongly, as far as the drive tells
     keyframes: int
+
+    @property
+    def doubted(self) -> bool:
+        """Whether there is a result of which sigmas are no measure."""
+        return self.result is not None and self.result.doubted

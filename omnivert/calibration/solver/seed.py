@@ -11,6 +11,7 @@ from omnivert.calibration.kalman import model
 from omnivert.calibration.solver.normal import Unknowns
 from omnivert.calibration.solver.problem import Index
 from omnivert.calibration.solver.smoother import Solution, joint
+from omnivert.calibration.symmetric import evened
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ def seed_of(line: Index, track: Index, names: Index, solution: Solution, x: Unkn
         slope[2 * k + 1, columns] = -(across[k] @ by)
         slope[2 * k + 1, 2] += 1.0
     joined = slope @ covariance @ slope.T
-    return Seed(np.stack([inverse, theta], axis=1), 0.5 * (joined + joined.T), tuple(tracks))
+    return Seed(np.stack([inverse, theta], axis=1), evened(joined), tuple(tracks))
 
 
 def in_sight(seed: Seed) -> Lines:

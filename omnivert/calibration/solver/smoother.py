@@ -20,6 +20,7 @@ from omnivert.calibration.solver.normal import (
 )
 from omnivert.calibration.solver.problem import GLOBALS, Index, Problem
 from omnivert.calibration.solver.triangulation import triangulated
+from omnivert.calibration.symmetric import evened
 from omnivert.compiled import compiled
 from omnivert.increments import Increments
 
@@ -277,4 +278,4 @@ def joint(solution: Solution, lines: Index) -> Array:
         [np.arange(3), layout.shared - begin + np.arange(3), (layout.line[lines, None] - begin + np.arange(2)).ravel()]
     )
     picked = covariance[np.ix_(rows, rows)]
-    return np.asarray(0.5 * (picked + picked.T))
+    return evened(picked)
