@@ -64,6 +64,7 @@ class _Desk:
         self._run = b""
         self._is_loop = False
         self._bus.note(None, "loop")
+        self._bus.note(None, "lines")
         self._seen_from_start = False
         self._causes: dict[int, Received] = {}  # stamp of bearings that wait for their estimate -> how they came
         self._vision = b""
@@ -126,6 +127,11 @@ class _Desk:
         self._count({f"{stream}: not waited for": times for stream, times in self._timeline.late.items()})
         if self._calibrator is not None:
             self._count(self._calibrator.refused)
+            if left_out := self._calibrator.left_out:
+                most = self._config.calibration.frame_lines
+                self._bus.note(
+                    f"more lines than calibration.frame_lines = {most} in a frame, {left_out} left out so far", "lines"
+                )
 
     def _publish(self, result: Estimate | Extrinsics, cause: Received) -> None:
         match result:

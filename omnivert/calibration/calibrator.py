@@ -1,6 +1,6 @@
 """The one step message -> estimate: holds frames until the wheels cover them, then filter, batch and verdict."""
 
-from collections import Counter, deque
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -16,13 +16,14 @@ from omnivert.calibration.kalman.definite import factor
 from omnivert.calibration.kalman.ekf import Filter, Rules, rules_of_the_paper
 from omnivert.calibration.kalman.model import mount_difference
 from omnivert.calibration.kalman.pulse import Pulse
-from omnivert.calibration.sighting import Sighting, clean_sighting
+from omnivert.calibration.sighting import Sighting
 from omnivert.calibration.smoothing import Background, Smoothing, at_once
 from omnivert.calibration.solver.batch import Batch
 from omnivert.calibration.solver.noise import Noise
 from omnivert.calibration.solver.result import Outcome, Result
 from omnivert.calibration.solver.stretch import Keyed
 from omnivert.calibration.symmetric import evened
+from omnivert.calibration.waiting import Waiting
 from omnivert.calibration.way import Way
 from omnivert.config import Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
@@ -30,8 +31,6 @@ from omnivert.odometry import SECOND
 
 Array = NDArray[np.float64]
 
-SILENCE_NS = SECOND  # a frame waits this long, by the stamps of later frames, for counts that cover it
-MOST_HELD = 1000  # frames that wait for counts at once: stamps that hardly grow would else make them wait for ever
 LINEAR_RAD = 0.35  # the filter takes over when phi is known to this
 
 
@@ -49,9 +48,8 @@ class Calibrator:
         self._way = Way(config)
         self._background = background
         self._smoothing = Smoothing(Batch(config), background)
-        self._held: deque[Sighting] = deque()
+        self._waiting = Waiting(config.calibration)
         self._refused: Counter[str] = Counter()
-        self._newest_ns = -1  # frame received
         self._frames = 0
         self._pulse = Pulse()
         self._noise = Noise()
@@ -85,7 +83,12 @@ class Calibrator:
     @property
     def refused(self) -> dict[str, int]:
         """Bad input so far, by reason."""
-        return dict(self._refused + Counter(self._way.refused))
+        return dict(self._refused + self._waiting.refused + Counter(self._way.refused))
+
+    @property
+    def left_out(self) -> int:
+        """Lines so far that were too many in a frame."""
+        return self._waiting.left_out
 
     @property
     def solved_keyframes(self) -> int:
@@ -97,10 +100,10 @@ class Calibrator:
             case Ticks():
                 self._way.push(message)
             case Bearings():
-                self._take(message)
+                self._waiting.append(message)
         out: list[Estimate | Extrinsics] = []
-        while self._held and self._is_due(self._held[0]):
-            out += self._work(self._held.popleft())
+        for sighting in self._waiting.due(self._way.newest_ns):
+            out += self._work(sighting)
         return tuple(out)
 
     def settle(self) -> Result | None:
@@ -118,8 +121,8 @@ class Calibrator:
         That is one more estimate for the last frame, with everything solved once more; and a claim, if it allows one.
         """
         out: list[Estimate | Extrinsics] = []
-        while self._held:
-            out += self._work(self._held.popleft())
+        for sighting in self._waiting.rest():
+            out += self._work(sighting)
         last, self._told_last = self._told_last, None
         if last is None or self._paper:
             return tuple(out)
@@ -127,22 +130,6 @@ class Calibrator:
         out += self._told(last.stamp_ns, [*last.reasons], final=True)
         self._told_last = None
         return tuple(out)
-
-    def _take(self, bearings: Bearings) -> None:
-        if bearings.stamp_ns <= self._newest_ns:
-            self._refused["bearings: stamp not after the one before"] += 1
-            return
-        self._newest_ns = bearings.stamp_ns
-        sighting, bad = clean_sighting(bearings, np.deg2rad(self._config.calibration.bearing_floor_deg))
-        if bad:
-            self._refused["bearings: track repeated in a frame, or a value that is no number"] += bad
-        self._held.append(sighting)
-
-    def _is_due(self, sighting: Sighting) -> bool:
-        newest = self._way.newest_ns
-        return (newest is not None and newest >= sighting.stamp_ns) or (
-            self._newest_ns - sighting.stamp_ns > SILENCE_NS or len(self._held) > MOST_HELD
-        )
 
     def _work(self, sighting: Sighting) -> list[Estimate | Extrinsics]:
         reasons = list(sighting.reasons)

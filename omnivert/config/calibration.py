@@ -24,6 +24,8 @@ class Calibration(Section):
     """rho is calibrated when its sigma is below this."""
     bearing_floor_deg: float = Field(0.05, gt=0.0, le=10.0)
     """No bearing is believed to be better than this."""
+    frame_lines: int = Field(100, ge=10, le=2000)
+    """Lines that a frame gives, those followed longest, all around: the time for a frame and for a solve goes by it."""
     invalid_inliers: float = Field(0.7, ge=0.0, le=1.0)
     """When the best solution explains less than this share of the bearings, data and model contradict each other."""
     keyframe_step_m: float = Field(0.015, gt=0.0, le=10.0)

@@ -6,6 +6,7 @@ _END = "camera: source finished"
 _HARMLESS = (
     *("begins from nothing", "goes on from the stored extrinsics"),
     *(_END, "camera: stamped by", "clock of the encoder"),
+    "more lines than calibration.frame_lines",
 )
 _BEGINNING = _HARMLESS[:2]  # of interest until the first estimate has come
 _SIZE = re.compile(r"camera: frames have (\d+) x (\d+) pixels, the configuration says (\d+) x (\d+)")

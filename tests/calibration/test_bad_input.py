@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from omnivert.calibration.calibrator import MOST_HELD, Calibrator
+from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.kalman.ekf import Filter, Rules
 from omnivert.calibration.kalman.watchdog import Watchdog
+from omnivert.calibration.waiting import MOST_HELD
 from omnivert.calibration.way import KEPT_NS
 from omnivert.config import Calibration, Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks

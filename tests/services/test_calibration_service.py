@@ -21,6 +21,7 @@ from omnivert.messages import (
     State,
     Ticks,
 )
+from omnivert.pictures.notes import is_harmless
 from omnivert.wire.channels import BEARINGS, ESTIMATE, EXTRINSICS, PLAYBACK, RECEIPT, TICKS, Channel
 from omnivert.wire.received import Received
 from services import calibration
@@ -39,6 +40,7 @@ class NotingCalibrator:
         self.given: list[Ticks | Bearings] = []
         self.closed = False
         self.refused: dict[str, int] = {}
+        self.left_out = 0
         self.made.append(self)
 
     def step(self, message: Ticks | Bearings) -> tuple[Estimate | Extrinsics, ...]:
@@ -301,3 +303,18 @@ def test_what_the_timeline_refuses_is_counted_once(bus: QuietBus) -> None:
     drive.says(Ticks(2**62, 0, 0))
     drive.plays(100, 300)
     assert bus.refused == {"Ticks: stamp far ahead": 1}
+
+
+def test_lines_that_were_too_many_are_told_and_are_no_trouble(bus: QuietBus) -> None:
+    desk = desk_on(bus)
+    drive = Drive(desk, b"run-1")
+    drive.plays(0, 100)
+    assert bus.notes["lines"] is None
+    NotingCalibrator.made[0].left_out = 1900
+    drive.plays(100, 200)
+    told = str(bus.notes["lines"])
+    assert told == "more lines than calibration.frame_lines = 100 in a frame, 1900 left out so far"
+    assert is_harmless(told)
+    assert bus.refused == {}
+    Drive(desk, b"run-2").plays(0, 100)
+    assert bus.notes["lines"] is None
