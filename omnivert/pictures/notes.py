@@ -10,6 +10,7 @@ _HARMLESS = (
 )
 _BEGINNING = _HARMLESS[:2]  # of interest until the first estimate has come
 _SIZE = re.compile(r"camera: frames have (\d+) x (\d+) pixels, the configuration says (\d+) x (\d+)")
+_NO_STORE = re.compile(r"storage: .*; \d+ waiting", re.DOTALL)
 _DEVICE = re.compile(r"(camera|encoder): (?=\S)")
 
 
@@ -25,6 +26,11 @@ def is_of_the_end(note: str) -> bool:
 def is_of_the_beginning(note: str) -> bool:
     """Whether it says how a calibration begins."""
     return note.startswith(_BEGINNING)
+
+
+def is_of_no_store(note: str) -> bool:
+    """Whether it says that nothing can be stored."""
+    return _NO_STORE.fullmatch(note) is not None
 
 
 def todo(note: str) -> str:

@@ -181,7 +181,7 @@ def test_up_plays_a_recording_in_place_of_the_bridge(straight: Path, tmp_path: P
     whole = Recording(straight).config(on_bus(tmp_path)).model_dump(mode="json")
     whole["storage"]["path"] = str(tmp_path / "extrinsics.db")
     (tmp_path / "robot.json").write_text(json.dumps(whole))
-    command = [*OMNIVERT, "up", "--config", str(tmp_path / "robot.json"), "--play", str(straight), "--speed", "0"]
+    command = [*OMNIVERT, "up", "--config", str(tmp_path / "robot.json"), "--play", str(straight), "--speed", "1"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     with own(
         subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
@@ -199,6 +199,9 @@ def test_up_plays_a_recording_in_place_of_the_bridge(straight: Path, tmp_path: P
     assert "plays     straight.mcap, in place of the robot" in text
     assert re.search(r"player: played \d+ messages, 24 frames of them, .* 0 lost", text), text
     assert "bridge" not in text
+    assert text.count("ready: all services are at work") == 1, text
+    assert text.index("ready: ") < text.index("the calibration begins from nothing: a playback")
+    assert f"next: omnivert monitor --config {tmp_path}/robot.json" in text
 
 
 def test_without_a_configuration_up_takes_the_rig_of_the_recording() -> None:

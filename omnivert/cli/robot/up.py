@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -23,6 +24,7 @@ from omnivert.errors import UseError
 from omnivert.wire.channels import BEARINGS, FRAME
 
 if TYPE_CHECKING:
+    from omnivert.cli.robot.readiness import Readiness
     from omnivert.cli.robot.supervisor import Event
 
 SERVICES = ("router", "bridge", "vision", "calibration", "storage")
@@ -47,24 +49,28 @@ def up(
     ] = None,
 ) -> None:
     """Start router, bridge, vision, calibration and storage; restart what dies; ctrl-c stops all."""
+    from omnivert.cli.robot.readiness import watched
     from omnivert.cli.robot.supervisor import Happened, Supervisor
     from omnivert.cli.robot.troubles import Troubles
 
     _check(config, record, play, sim, speed, loop)
     _check_simulated(sim, path, play)
-    troubles = Troubles(loud=True)
+    troubles, readiness = Troubles(loud=True), _needed(record, play, sim)
 
     def report(event: "Event") -> None:
         troubles(event)
         if event.service == "player" and event.happened is Happened.ENDED:
             say.story("the playback has ended; omnivert extrinsics show tells what is stored, ctrl-c stops all")
+            readiness.is_over = True
 
     with _file(config, play, sim) as file:
         chosen = settings(file)
         before = Before.of(chosen)
         inputs = {"configuration": config, "recording": None if play is None else recording_path(play)}
         check_distinct(inputs, {"--record": record, "storage.path": chosen.storage.path})
-        _tell(chosen, record, play, sim)
+        of_config = "" if config is None else f" --config {shlex.quote(str(config))}"
+        _tell(chosen, record, play, sim, of_config)
+        following = "drive" if sim is not None and path is None else "monitor"
         try:
             with Supervisor(file, report) as supervisor:
                 for service in SERVICES:
@@ -80,7 +86,8 @@ def up(
                         supervisor.start(service)
                 if record is not None:
                     supervisor.start("recorder", "--output", str(record))
-                with followed_from_outside(chosen) if play is not None else nullcontext():
+                following_up = followed_from_outside(chosen) if play is not None else nullcontext()
+                with following_up, watched(chosen, readiness, f"omnivert {following}{of_config}"):
                     while not troubles.fatal.wait(0.2):
                         pass
         except KeyboardInterrupt:
@@ -88,6 +95,19 @@ def up(
     troubles.check()
     saved = f"; recording in {_files(record, chosen)}" if record is not None else ""
     say.story(f"stopped; {escape(before.told(chosen, troubles.unresolved('storage')))}{saved}")
+
+
+def _needed(record: Path | None, play: str | None, sim: str | None) -> "Readiness":
+    """Who has to be there, and what gives the sensors' data."""
+    from omnivert.cli.robot.readiness import Readiness
+
+    source, words = "bridge", "bridge"
+    if play is not None:
+        source, words = "player", "the playback"
+    elif sim is not None:
+        words = "the simulated robot"
+    services = [source if name == "bridge" else name for name in SERVICES]
+    return Readiness((*services, *(("recorder",) if record is not None else ())), words)
 
 
 def _files(record: Path, config: Config) -> str:
@@ -151,7 +171,11 @@ def _file(config: Path | None, play: str | None, sim: str | None = None) -> Iter
         yield config
 
 
-def _tell(config: Config, record: Path | None, play: str | None, sim: str | None) -> None:
+def _tell(config: Config, record: Path | None, play: str | None, sim: str | None, of_config: str) -> None:
+    """What is about to run.
+
+    of_config  the option by which other commands find it
+    """
     from services.router import is_local
 
     robot, camera, encoder = config.robot, config.camera, config.encoder
@@ -162,11 +186,11 @@ def _tell(config: Config, record: Path | None, play: str | None, sim: str | None
     if play is not None:
         say.story(f"  plays     {title(play)}, in place of the robot")
     elif sim is not None:
-        say.story(f"  simulates a robot in {title(sim)}; steer it with: omnivert drive")
+        say.story(f"  simulates a robot in {title(sim)}; steer it with: {escape(f'omnivert drive{of_config}')}")
     else:
         say.story(f"  camera    {camera.id}: {camera.source}, {camera.width_px} x {camera.height_px}")
         say.story(f"  encoder   {encoder.id}: {encoder.port}, {encoder.baud} baud")
     say.story(f"  store     {config.storage.path}")
     if record is not None:
         say.story(f"  records   {record}")
-    say.story("  watch     omnivert monitor     ctrl-c stops all\n")
+    say.story(f"  watch     {escape(f'omnivert monitor{of_config}')}     ctrl-c stops all\n")
