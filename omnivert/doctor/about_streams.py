@@ -2,6 +2,7 @@
 
 from omnivert.doctor.evidence import Evidence
 from omnivert.doctor.finding import Finding, fine, nothing, stops, worse
+from omnivert.doctor.losses import Losses
 from omnivert.doctor.stream import Stream
 
 FAR_TOO_SLOW = 0.7  # of the rate that was asked for
@@ -27,15 +28,17 @@ def frames(evidence: Evidence) -> Finding:
     expected = camera.frame_rate_hz if evidence.configured and evidence.seen.images else None
     rate = f"{stream.rate_hz:.1f} Hz" + (f" of {expected:.1f} expected" if expected else "")
     fact = f"{what}: {rate}, longest gap {1e3 * stream.longest_gap_s:.0f} ms, {_lost(stream)}"
+    due = expected * stream.seconds - stream.count if expected else 0.0
+    cause = Losses.of("camera", stream, evidence).cause(max(stream.lacking, due))
     if evidence.seen.images and stream.rate_hz < SLOWEST_HZ:
         help = f"set camera.frame_rate_hz, which is {camera.frame_rate_hz:g}, and lower the exposure"
         return stops(fact, "lines are not followed from frame to frame", help)
     if expected and stream.rate_hz < FAR_TOO_SLOW * expected:
-        reason = "dim light makes cameras slower, and so does a crowded USB bus"
-        return worse(fact, reason, "give more light, or set camera.frame_rate_hz to what the camera does")
+        slow = "too few" if cause else "dim light makes cameras slower, and so does a crowded USB bus"
+        return _blamed(fact, slow, cause, "give more light, or set camera.frame_rate_hz to what the camera does")
     if evidence.seen.images and stream.missing > MISSING:
-        reason = f"{100.0 * stream.missing:.0f} % of them are missing between the others"
-        return worse(fact, reason, "look at the cable, and at what else the USB bus carries")
+        share = f"{100.0 * stream.missing:.0f} % of them are missing between the others"
+        return _blamed(fact, share, cause, "look at the cable, and at what else the USB bus carries")
     return fine(fact)
 
 
@@ -47,12 +50,14 @@ def ticks(evidence: Evidence) -> Finding:
     if stream.repeated > REPEATED * stream.count:
         reason = f"{stream.repeated} of {stream.count} stamps are not after the one before"
         return stops(fact, reason, "look at the time that the encoder board sends: deploy/encoder-protocol.md")
+    due = evidence.seen.frames.count - stream.count
+    cause = Losses.of("encoder", stream, evidence).cause(max(stream.lacking, due))
     if evidence.seen.blind_s > encoder.max_gap_s:
-        reason = f"the wheels turned in a gap above encoder.max_gap_s = {encoder.max_gap_s:g} s: its way is unknown"
-        return worse(fact, reason, "let the encoder board send every 20 ms, and look at its cable")
+        gap = f"the wheels turned in a gap above encoder.max_gap_s = {encoder.max_gap_s:g} s: its way is unknown"
+        return _blamed(fact, gap, cause, "let the encoder board send every 20 ms, and look at its cable")
     if stream.rate_hz < evidence.seen.frames.rate_hz:
-        reason = "there are fewer of them than frames: the way between is guessed"
-        return worse(fact, reason, "let the encoder board send every 20 ms")
+        few = "there are fewer of them than frames: the way between is guessed"
+        return _blamed(fact, few, cause, "let the encoder board send every 20 ms")
     return fine(fact)
 
 
@@ -105,6 +110,16 @@ def _live_clock(evidence: Evidence, one: Stream, other: Stream, age_s: float, ot
 
 def _is_alone(jump: tuple[int, float], others: list[tuple[int, float]]) -> bool:
     return not any(abs(jump[0] - other[0]) < 1e9 * TOGETHER_S for other in others)
+
+
+def _blamed(fact: str, what: str, cause: tuple[str, str] | None, otherwise: str) -> Finding:
+    """
+    cause      reason and help where the device is not to blame
+    otherwise  help where it is
+    """
+    if cause is None:
+        return worse(fact, what, otherwise)
+    return worse(fact, f"{what}; {cause[0]}", cause[1])
 
 
 def _lost(stream: Stream) -> str:

@@ -45,13 +45,17 @@ class Stream:
         return int((np.diff(self.stamp_ns) <= 0).sum())
 
     @property
-    def missing(self) -> float:
-        """Share of the messages that the rhythm of the others lacks."""
+    def lacking(self) -> float:
+        """Messages that the rhythm of the others lacks."""
         steps = self._steps()
         if not steps.size:
             return 0.0
-        lacking = float((np.maximum(np.round(steps / np.median(steps)), 1.0) - 1.0).sum())
-        return lacking / (lacking + self.count)
+        return float((np.maximum(np.round(steps / np.median(steps)), 1.0) - 1.0).sum())
+
+    @property
+    def missing(self) -> float:
+        """The same as a share of all."""
+        return self.lacking / (self.lacking + self.count) if self.count else 0.0
 
     @property
     def longest_gap_s(self) -> float:
@@ -61,6 +65,11 @@ class Stream:
     def span_ns(self) -> tuple[int, int]:
         """First and last stamp of at least one message."""
         return int(self.stamp_ns.min()), int(self.stamp_ns.max())
+
+    @property
+    def seconds(self) -> float:
+        """From the first stamp to the last of at least one message, pauses left out."""
+        return 1e-9 * float(self._steps().sum())
 
     @property
     def age_s(self) -> float | None:
