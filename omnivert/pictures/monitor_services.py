@@ -211,11 +211,8 @@ class Services:
 
 def _in_one(told: list[str], refused: dict[str, int]) -> str:
     """Notes and the most frequent refusal; troubles first."""
-    texts = sorted(told, key=notes.is_harmless)
-    if refused:
-        reason, times = max(refused.items(), key=lambda item: item[1])
-        texts.append(f"{counted(times)} refused: {reason}")
-    return printable("; ".join(texts))
+    texts = [*sorted(told, key=notes.is_harmless), notes.counted_reasons(refused)]
+    return printable("; ".join(filter(None, texts)))
 
 
 def _span_s(beats: Beats) -> float:

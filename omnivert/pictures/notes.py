@@ -1,6 +1,9 @@
 """What a note in a health message means to a person: nothing to worry about, a trouble, or the next thing to do."""
 
 import re
+from collections.abc import Mapping
+
+from omnivert.pictures.words import counted
 
 _END = "camera: source finished"
 _HARMLESS = (
@@ -10,6 +13,7 @@ _HARMLESS = (
 )
 _BEGINNING = _HARMLESS[:2]  # of interest until the first estimate has come
 _SIZE = re.compile(r"camera: frames have (\d+) x (\d+) pixels, the configuration says (\d+) x (\d+)")
+_LATE = {"not waited for": "late, not waited for", "came too late": "too late, left out"}  # how such reasons end
 _NO_STORE = re.compile(r"storage: .*; \d+ waiting", re.DOTALL)
 _DEVICE = re.compile(r"(camera|encoder): (?=\S)")
 
@@ -26,6 +30,19 @@ def is_of_the_end(note: str) -> bool:
 def is_of_the_beginning(note: str) -> bool:
     """Whether it says how a calibration begins."""
     return note.startswith(_BEGINNING)
+
+
+def counted_reasons(refused: Mapping[str, int]) -> str:
+    """The most frequent of a service's reasons; what was late is not called refused, and gives way to what was bad."""
+    if not refused:
+        return ""
+    reason, times = max(refused.items(), key=lambda item: (_late(item[0]) is None, item[1]))
+    return f"{counted(times)} {_late(reason) or f'refused: {reason}'}"
+
+
+def _late(reason: str) -> str | None:
+    stream, _, how = reason.rpartition(": ")
+    return f"{_LATE[how]}: {stream}" if how in _LATE else None
 
 
 def is_of_no_store(note: str) -> bool:
