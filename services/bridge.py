@@ -30,9 +30,9 @@ JOIN_S = 1.0  # a thread that is stuck in a driver is left behind
 def run(bus: Bus, config: Config, exit_when_done: bool = False) -> None:
     """Publishes until the bus stops, or, if asked to, until a folder or file has ended.
 
-    raises  UseError beside a player; whatever broke one of the readers
+    raises  UseError beside a player that stays, or a bridge or simulator of this camera; whatever broke a reader
     """
-    bus.refuse_beside("player")
+    bus.refuse_beside("player", namesakes=("bridge",))
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what is wrong with a camera stands in health
     stop, finished, frames = threading.Event(), threading.Event(), Newest[Frame]()
     broken: list[Exception] = []

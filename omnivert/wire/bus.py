@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from typing import Any, Self
 
 import zenoh
@@ -151,16 +152,16 @@ class Bus:
         self._presence.wait(lambda: self._stopped.is_set() or holds(), timeout_s)
         return holds()
 
-    def refuse_beside(self, *services: str) -> None:
+    def refuse_beside(self, *services: str, namesakes: tuple[str, ...] = ()) -> None:
         """Says that this service is here, and refuses to be beside others that publish the same; see `rivals`.
 
-        raises  UseError when one of `services` is here and does not give way
+        namesakes  services that publish the same where their instance is this one's
+        raises     UseError when one of them is here and does not give way
         """
         witness = self._connected()  # a session's own answers run ahead of what it has told the router
         try:
-            known = rivals.Known(
-                self._presence, lambda: rivals.tokens(witness, zenoh.ZError), services, self._stopped.is_set
-            )
+            asked = partial(rivals.tokens, witness, zenoh.ZError)
+            known = rivals.Known(self._presence, asked, services, self._stopped.is_set, namesakes)
             if rival := known.settled(self.ready, self._token is not None):
                 raise rivals.refusal(self.config.robot.id, self.service, rival)
         finally:

@@ -1,4 +1,4 @@
-"""Who gives way when two services would publish the same streams.
+"""Who gives way when two services would publish the same streams, or steer the same robot.
 
 Each says that it is here before it looks who else is, so that at least one of two sees the other. A player gives way
 to a bridge at any time. Of two of a kind the one that was here first stays; of two that come at once the one with the
@@ -22,8 +22,17 @@ ASK_AGAIN_S = 0.1
 
 
 def refusal(robot: str, service: str, rival: str) -> UseError:
-    because = f"both publish the sensors of robot {robot}, and one {rival} is here"
-    help = "omnivert up --play REC, which starts no bridge" if rival == "bridge" else "omnivert monitor"
+    does = "steer" if rival == "drive" else "publish the sensors of"
+    match (service, rival):
+        case (_, "drive"):
+            help = "omnivert monitor   # shows what the other one does with it"
+        case ("bridge", "bridge"):
+            help = "give the second robot, or the simulated one, a robot.id of its own"
+        case (_, "bridge"):
+            help = "omnivert up --play REC, which starts no bridge"
+        case _:
+            help = "omnivert monitor"
+    because = f"both {does} robot {robot}, and one {rival} is here"
     return UseError("OV402", f"{service} cannot run beside another {rival}", because, help)
 
 
@@ -45,29 +54,39 @@ def tokens(session: Any, failure: type[Exception]) -> frozenset[str] | None:
 class Known:
     """Who is here of the services that publish the same, as this service's presence and the router know it.
 
-    asked  the presence keys that the router knows; None when it does not say
+    asked       the presence keys that the router knows; None when it does not say
+    namesakes   services of which only one with this one's own instance publishes the same
     """
 
     presence: Presence
     asked: Callable[[], frozenset[str] | None]
     services: tuple[str, ...]
     stopped: Callable[[], bool]
+    namesakes: tuple[str, ...] = ()
 
     def settled(self, ready: Callable[[], None], is_ready: bool) -> str:
         """Says by `ready` that this service is here; returns the service to give way to, "" when there is none.
 
         is_ready  whether that was said before
         """
-        first = frozenset[Who]() if is_ready else self.rivals(shown=False)
-        if staying := next((rival for rival in sorted(first) if not self._outlasts(rival)), None):
-            return staying[0]
+        if not is_ready and (staying := self._first_here()):
+            return staying
         ready()
         began_s = time.monotonic()
         while rivals := self.rivals(shown=True):
             for rival in sorted(rivals):
                 if self._gives_way(rival) or time.monotonic() - began_s > LEAVE_S:
                     return rival[0]
-            self.presence.wait(lambda: self.stopped() or not self.presence.others(*self.services), ASK_AGAIN_S)
+            self.presence.wait(lambda: self.stopped() or not self._seen(), ASK_AGAIN_S)
+        return ""
+
+    def _first_here(self) -> str:
+        """Of those who were here before, the service to give way to; a namesake may be one that has just died."""
+        began_s = time.monotonic()
+        while staying := [rival for rival in sorted(self.rivals(shown=False)) if not self._outlasts(rival)]:
+            if staying[0][0] not in self.namesakes or time.monotonic() - began_s > LEAVE_S:
+                return staying[0][0]
+            self.presence.wait(lambda: self.stopped() or not self._seen(), ASK_AGAIN_S)
         return ""
 
     def rivals(self, shown: bool) -> frozenset[Who]:
@@ -78,10 +97,16 @@ class Known:
         while not self.stopped():
             keys = self.asked()
             if keys is not None and (not shown or self.presence.key in keys):
-                known = frozenset(who for key in keys if (who := who_from_key(key)) and who[0] in self.services)
-                return (known | self.presence.others(*self.services)) - {self.presence.me}
+                known = frozenset(who for key in keys if (who := who_from_key(key)) and self._is_rival(who))
+                return (known | self._seen()) - {self.presence.me}
             self.presence.wait(self.stopped, ASK_AGAIN_S)
         return frozenset()
+
+    def _seen(self) -> frozenset[Who]:
+        return frozenset(filter(self._is_rival, self.presence.others(*self.services, *self.namesakes)))
+
+    def _is_rival(self, who: Who) -> bool:
+        return who[0] in self.services or (who[0] in self.namesakes and who[1] == self.presence.me[1])
 
     def _outlasts(self, rival: Who) -> bool:
         return (self.presence.me[0], rival[0]) == ("bridge", "player")

@@ -163,6 +163,16 @@ def test_it_does_not_come_beside_a_bridge(config: Config, file: Path) -> None:
             assert b"OV402" in robot.stderr.read()
 
 
+def test_a_bridge_does_not_come_beside_it(config: Config, file: Path) -> None:
+    """On the bus it is a bridge with the same camera."""
+    with Router(config), Bus(config, "bridge", "front") as robot:
+        robot.ready()
+        with service("bridge", file) as bridge:
+            assert bridge.wait(DEADLINE_S) == 2
+            assert bridge.stderr is not None
+            assert b"OV402" in bridge.stderr.read()
+
+
 # ------------------------------------------------------------------ by hand
 
 
@@ -246,6 +256,19 @@ def test_keys_steer_and_the_terminal_is_given_back(config: Config, terminal: Ter
         terminal.until(lambda: terminal.process.poll() is not None)
     assert terminal.process.returncode == 0
     assert terminal.restored()
+
+
+def test_a_second_driver_is_refused(file: Path, terminal: Terminal) -> None:
+    terminal.until(lambda: "waiting" in terminal.shown)
+    second = Terminal(file)
+    try:
+        second.until(lambda: second.process.poll() is not None)
+        second.read()
+        assert second.process.returncode == 2
+        assert "drive cannot run beside another drive" in second.shown
+        assert second.restored()
+    finally:
+        second.close()
 
 
 def test_a_signal_gives_the_terminal_back_too(terminal: Terminal) -> None:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -119,6 +120,33 @@ def test_a_player_that_is_refused_has_not_shown_itself(config: Config) -> None:
         with pytest.raises(UseError, match="beside another player"):
             second.refuse_beside("bridge", "player")
         assert first.present() == frozenset()
+
+
+def test_a_bridge_stands_beside_that_of_another_camera_not_beside_one_of_its_own(
+    config: Config, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rivals, "LEAVE_S", 0.1)
+    with Router(config), Bus(config, "bridge", "front") as simulator, Bus(config, "bridge", "rear") as other:
+        simulator.refuse_beside("player")
+        other.refuse_beside("player", namesakes=("bridge",))
+        with (
+            Bus(config, "bridge", "front") as bridge,
+            pytest.raises(UseError, match="beside another bridge") as refused,
+        ):
+            bridge.refuse_beside("player", namesakes=("bridge",))
+        assert "robot.id" in refused.value.help
+
+
+def test_a_bridge_that_is_started_again_waits_for_the_one_that_has_died(config: Config) -> None:
+    with Router(config), Bus(config, "bridge", "front") as again:
+        with Bus(config, "bridge", "front") as before:
+            before.ready()
+            assert again.await_presence(lambda: bool(again.incarnations("bridge")), 30.0)
+            leaving = threading.Timer(0.3, before.__exit__, (None, None, None))
+            leaving.start()
+            again.refuse_beside("player", namesakes=("bridge",))
+            leaving.join()
+        assert not again.incarnations("bridge")
 
 
 @pytest.mark.parametrize("broken", ["no router", "timed out", "another router"])

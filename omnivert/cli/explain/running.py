@@ -14,8 +14,10 @@ RUNNING = {
         "not_beside",
         "The bridge and the player publish the same streams, one from the robot and one from a recording. Both at once "
         "would mix two drives into one. The player gives way to the bridge, also when the bridge comes while it plays; "
-        "of two players the second refuses to start.",
+        "of two players, of a bridge and a simulated robot, and of two bridges with the same camera the second refuses "
+        "to start. So does a second omnivert drive: each would undo what the other asks of the robot.",
         "To feed the services with a recording in place of the robot: omnivert up --config robot.toml --play REC. "
+        "To have a simulated robot beside the real one: a configuration with another robot.id. "
         "Otherwise stop the other one first; omnivert monitor shows who is there.",
     ),
     "OV403": Explanation(

@@ -72,8 +72,10 @@ def drive(
         if not has_keys:
             raise UseError("OV214", "there is no terminal to take keys from", "standard input is none")
         chosen = meant(config, robot, connect, "drive")
-        with Bus(chosen, "drive", f"d{os.getpid()}", patience_s=PATIENCE_S) as bus, _followed(bus) as newest:
-            _drive(bus, wheel, newest, speed, turn)
+        with Bus(chosen, "drive", f"d{os.getpid()}", patience_s=PATIENCE_S) as bus:
+            bus.refuse_beside("drive")  # else each undoes what the other one asks for
+            with _followed(bus) as newest:
+                _drive(bus, wheel, newest, speed, turn)
 
 
 def _drive(bus: "Bus", wheel: "_Wheel", newest: "_Newest", speed: float, turn: float) -> None:
