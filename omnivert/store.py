@@ -22,7 +22,7 @@ SCHEMA_1 = f"""
 BEGIN IMMEDIATE;
 CREATE TABLE IF NOT EXISTS extrinsics (
     entry       INTEGER PRIMARY KEY AUTOINCREMENT,
-    recency     INTEGER NOT NULL UNIQUE,  -- order of the last put; an old result that comes again is the latest again
+    recency     INTEGER NOT NULL UNIQUE,  -- order of the last put; below 0 of a playback
     saved_at    TEXT    NOT NULL,         -- ISO 8601, UTC
     robot       TEXT    NOT NULL,
     camera      TEXT    NOT NULL,
@@ -44,7 +44,9 @@ COMMIT;
 """
 COLUMNS = "robot, camera, stamp_ns, phi_rad, rho_m, psi_rad, covariance, state, frames, reasons, software, rig_digest"
 SAME = " AND ".join(f"{column.strip()} = ?" for column in COLUMNS.split(","))
-NEXT = "(SELECT coalesce(max(recency), 0) + 1 FROM extrinsics)"
+NEXT = "(SELECT max(coalesce(max(recency), 0), 0) + 1 FROM extrinsics)"
+# What a playback gives comes behind all that the robot itself gave, and keeps its own order there.
+NEXT_REPLAYED = f"(SELECT coalesce(max(recency), {-(2**62)}) + 1 FROM extrinsics WHERE recency < 0)"
 Value = str | int | float
 
 
@@ -65,6 +67,7 @@ class Entry:
     entry: int
     saved_at: str  # ISO 8601, UTC, of the first time it was put
     extrinsics: Extrinsics
+    replayed: bool = False  # from a playback, not from the robot itself
 
 
 class Store:
@@ -95,38 +98,39 @@ class Store:
         """Closes the file; nothing is lost without it."""
         self._connection.close()
 
-    def put(self, extrinsics: Extrinsics) -> int:
+    def put(self, extrinsics: Extrinsics, replayed: bool = False) -> int:
         """Stores it and returns its number; when this returns, it survives a power loss.
 
         The very same extrinsics again keep their number, and are the latest again.
-        raises  ValueError when a number in it is not finite; StoreError
+        replayed  they come from a playback: never the latest where the robot itself has given some
+        raises    ValueError when a number in it is not finite; StoreError
         """
         mount = extrinsics.mount
         if not np.isfinite([mount.phi_rad, mount.rho_m, mount.psi_rad, *mount.covariance.ravel()]).all():
             raise ValueError("extrinsics with numbers that are not finite")
-        values = _values(extrinsics)
+        values, following = _values(extrinsics), NEXT_REPLAYED if replayed else NEXT
         with self._one_at_a_time, self._troubles("be written"):
             self._check_in_place()
             with self._transaction() as cursor:
-                known = cursor.execute(f"SELECT entry FROM extrinsics WHERE {SAME}", values).fetchone()
-                if known:
-                    cursor.execute(f"UPDATE extrinsics SET recency = {NEXT} WHERE entry = ?", known)
-                else:
-                    marks = ", ".join((NEXT, "?", *("?" for _ in values)))
+                known = cursor.execute(f"SELECT entry, recency FROM extrinsics WHERE {SAME}", values).fetchone()
+                if known is None:
+                    marks = ", ".join((following, "?", *("?" for _ in values)))
                     now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
                     insert = f"INSERT INTO extrinsics (recency, saved_at, {COLUMNS}) VALUES ({marks})"
                     cursor.execute(insert, (now, *values))
+                elif known[1] < 0 or not replayed:
+                    cursor.execute(f"UPDATE extrinsics SET recency = {following} WHERE entry = ?", known[:1])
                 entry = int(known[0] if known else cursor.lastrowid or 0)
             self._check_in_place()
         return entry
 
     def latest(self, robot: str, camera: str) -> Entry | None:
-        """What was put last for this camera."""
+        """What was put last for this camera; of a playback only where the robot itself has given nothing."""
         found = self.history(robot, camera, limit=1)
         return found[0] if found else None
 
     def history(self, robot: str, camera: str, limit: int = 1000) -> list[Entry]:
-        """What was put for this camera, newest first."""
+        """What was put for this camera, newest first; what playbacks gave comes after what the robot gave."""
         return self._selected("WHERE robot = ? AND camera = ? ORDER BY recency DESC LIMIT ?", (robot, camera, limit))
 
     def entries(self) -> list[Entry]:
@@ -141,7 +145,7 @@ class Store:
     def _selected(self, which: str, values: tuple[Value, ...]) -> list[Entry]:
         with self._one_at_a_time, self._troubles("be read"):
             self._check_in_place()
-            question = f"SELECT entry, saved_at, {COLUMNS} FROM extrinsics {which}"
+            question = f"SELECT entry, saved_at, recency, {COLUMNS} FROM extrinsics {which}"
             return [_entry(row) for row in self._connection.execute(question, values).fetchall()]
 
     # The file ---------------------------------------------------------------------------------------------------
@@ -270,12 +274,13 @@ def _values(extrinsics: Extrinsics) -> tuple[Value, ...]:
 
 
 def _entry(row: tuple[Value, ...]) -> Entry:
-    """A row of entry, saved_at, COLUMNS."""
-    entry, saved_at, robot, camera, stamp_ns, phi, rho, psi, covariance, state, frames, reasons, software, rig = row
+    """A row of entry, saved_at, recency, COLUMNS."""
+    entry, saved_at, recency, robot, camera, *result = row
+    stamp_ns, phi, rho, psi, covariance, state, frames, reasons, software, rig = result
     mount = Mount(float(phi), float(rho), float(psi), np.array(json.loads(str(covariance)), dtype=np.float64))
     said, why, made_by = State(str(state)), tuple(json.loads(str(reasons))), str(software)
     whole = Extrinsics(int(stamp_ns), str(robot), str(camera), mount, said, int(frames), why, made_by, str(rig))
-    return Entry(int(entry), str(saved_at), whole)
+    return Entry(int(entry), str(saved_at), whole, int(recency) < 0)
 
 
 def _code(error: sqlite3.Error) -> int:

@@ -142,7 +142,7 @@ class _Desk:
                     self._bus.done(came)
             case Extrinsics() if not self._is_loop:  # the same drive once more is no further evidence
                 self._bus.publish(EXTRINSICS, result, cause=cause)
-                self.claims.claim(result, time.monotonic())
+                self.claims.claim(result, cause, time.monotonic())
 
     def _told_apart(self, bearings: Bearings, received: Received) -> Bearings:
         """A vision service that has come anew counts its tracks from 0 again; these are other lines."""
@@ -190,8 +190,8 @@ class _Desk:
 
     def keep_house(self, now_s: float) -> None:
         """Says again what storage has not acknowledged."""
-        for extrinsics in self.claims.due(now_s):
-            self._bus.publish(EXTRINSICS, extrinsics)
+        for extrinsics, cause in self.claims.due(now_s):
+            self._bus.publish(EXTRINSICS, extrinsics, cause=cause)
         waiting = self.claims.repeated
         self._bus.note("storage has not acknowledged the newest extrinsics" if waiting else None, "storage")
 

@@ -132,7 +132,7 @@ class Desk:
 
     def _put(self, store: Store, extrinsics: Extrinsics, received: Received | None) -> None:
         try:
-            entry = store.put(extrinsics)
+            entry = store.put(extrinsics, replayed=received is not None and received.replay)
         except ValueError as error:
             self._bus.refuse(str(error))
             return

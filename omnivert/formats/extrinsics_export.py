@@ -70,6 +70,7 @@ def body(entry: Entry, z_m: float = 0.0) -> dict[str, Any]:
         "sigma": dict(zip(("phi_rad", "rho_m", "psi_rad"), _sigmas(mount), strict=True)),
         "robot_from_camera": {"x_m": x, "y_m": y, "z_m": z_m, "yaw_rad": yaw},
         "frames": extrinsics.frames,
+        "replayed": entry.replayed,
         "stamp_ns": extrinsics.stamp_ns,
         "software": extrinsics.software,
         "rig_digest": extrinsics.rig_digest,

@@ -209,6 +209,17 @@ def test_without_a_configuration_up_takes_the_rig_of_the_recording() -> None:
         assert load(file).rig_digest() == opened("corridor").config(Config()).rig_digest()
 
 
+def test_a_simulated_robot_has_a_store_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text(f'storage.path = "{tmp_path}/kept.db"\nrobot.wheel_base_m = 0.5\n')
+    with up._file(file, None, "office") as simulated, up._file(file, None, None) as real:
+        assert load(real).storage.path == tmp_path / "kept.db"
+        assert load(simulated).storage.path == tmp_path / "kept-sim.db"
+        assert load(simulated).rig_digest() == load(real).rig_digest()
+    with up._file(None, None, "office") as simulated:
+        assert load(simulated).storage.path == Path("extrinsics-sim.db")
+
+
 @pytest.mark.parametrize("options", [("--speed", "2"), ("--loop",)])
 def test_what_belongs_to_a_playback_needs_one(omnivert: Any, options: tuple[str, ...]) -> None:
     ran = omnivert("up", "--config", "robot.toml", *options)

@@ -283,7 +283,7 @@ def test_when_nothing_is_taken_up_a_note_says_why(
 
 def test_a_claim_is_said_again_until_storage_has_it(bus: QuietBus) -> None:
     desk = desk_on(bus)
-    drive = Drive(desk, b"run-1")
+    drive = Drive(desk, b"run-1", replay=False)
     drive.plays(0, 200)
     claims = [m for channel, m, _ in bus.published if channel is EXTRINSICS]
     assert len(claims) == 1
@@ -295,6 +295,14 @@ def test_a_claim_is_said_again_until_storage_has_it(bus: QuietBus) -> None:
     desk.keep_house(2e12)
     assert len([m for channel, m, _ in bus.published if channel is EXTRINSICS]) == 2
     assert bus.notes["storage"] is None
+
+
+def test_what_is_said_again_of_a_playback_is_still_of_a_playback(bus: QuietBus) -> None:
+    desk = desk_on(bus)
+    Drive(desk, b"run-1").plays(0, 200)
+    desk.keep_house(1e12)
+    causes = [cause for channel, _, cause in bus.published if channel is EXTRINSICS]
+    assert [cause is not None and cause.replay for cause in causes] == [True, True]
 
 
 def test_what_the_timeline_refuses_is_counted_once(bus: QuietBus) -> None:

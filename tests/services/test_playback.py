@@ -29,6 +29,8 @@ from omnivert.messages import (
     Ticks,
 )
 from omnivert.timeline import Timeline
+from omnivert.wire.channels import TICKS
+from omnivert.wire.received import Received
 from omnivert.wire.recording import Recording, RecordingWriter
 from services import _clock, player
 from services._ahead import read_ahead
@@ -253,11 +255,16 @@ def claim(stamp_ns: int) -> Extrinsics:
     return Extrinsics(stamp_ns, "r", "c", mount, State.CALIBRATED, 1, (), "omnivert 0", "0")
 
 
+def cause(replay: bool = False) -> Received:
+    ticks = Ticks(1, 0, 0)
+    return Received(TICKS, "k", ticks, 0, replay, b"run", b"bridge", 0)
+
+
 def test_a_claim_is_said_again_each_second_until_it_is_acknowledged() -> None:
     repeater = Repeater()
-    a, b = claim(1), claim(2)
-    repeater.claim(a, 0.0)
-    repeater.claim(b, 0.0)
+    a, b = (claim(1), cause()), (claim(2), cause())
+    repeater.claim(*a, 0.0)
+    repeater.claim(*b, 0.0)
     assert repeater.due(0.5) == ()
     assert repeater.due(1.0) == (a, b)
     assert repeater.due(1.5) == ()
@@ -268,15 +275,23 @@ def test_a_claim_is_said_again_each_second_until_it_is_acknowledged() -> None:
     repeater.acknowledge(Receipt(2, "r", "c", 2))
     assert repeater.due(9.0) == ()
     assert not repeater.repeated
-    assert repeater.newest is b
+    assert repeater.newest is b[0]
 
 
 def test_claims_that_nobody_acknowledges_are_bounded() -> None:
     repeater = Repeater()
     for i in range(100):
-        repeater.claim(claim(i), 0.0)
-    assert [c.stamp_ns for c in repeater.due(1.0)] == list(range(84, 100))
+        repeater.claim(claim(i), cause(), 0.0)
+    assert [c.stamp_ns for c, _ in repeater.due(1.0)] == list(range(84, 100))
     assert repeater.given_up == 84
+
+
+def test_a_claim_of_a_playback_answers_nobody_who_could_not_see_that_it_is_one() -> None:
+    repeater = Repeater()
+    repeater.claim(claim(1), cause(replay=True), 0.0)
+    assert repeater.newest is None
+    ((_, again),) = repeater.due(1.0)
+    assert again.replay
 
 
 # ------------------------------------------------------------------ pause and step

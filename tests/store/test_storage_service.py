@@ -95,6 +95,29 @@ def test_a_claim_is_stored_and_then_acknowledged(config: Config) -> None:
         assert stored(other, receipts, replace(CLAIM, stamp_ns=6)).entry == receipt.entry + 1
 
 
+def test_a_playback_supersedes_nothing_that_the_robot_itself_gave(config: Config) -> None:
+    """Said again, too, and also where it was there before."""
+    with served(config) as other:
+        receipts = other.listen(RECEIPT, period_s=0.1)
+
+        def played(stamp_ns: int) -> None:
+            other.publish(EXTRINSICS, replace(CLAIM, stamp_ns=stamp_ns), replay=True)
+
+        def latest() -> int:
+            answer = other.ask(EXTRINSICS, timeout_s=5.0)
+            assert isinstance(answer, Extrinsics)
+            return answer.stamp_ns
+
+        played(5)
+        heard(receipts, receipt_for(5), lambda: played(5))
+        assert latest() == 5
+        stored(other, receipts, replace(CLAIM, stamp_ns=6))
+        for stamp_ns in (7, 5):
+            played(stamp_ns)
+            heard(receipts, receipt_for(stamp_ns))
+            assert latest() == 6
+
+
 def test_whoever_asks_gets_the_latest_also_after_a_restart(config: Config) -> None:
     with served(config) as other:
         receipts = other.listen(RECEIPT, period_s=0.1)

@@ -334,3 +334,28 @@ def test_a_reader_sees_what_a_writer_has_just_put(tmp_path: Path) -> None:
         assert len(reader.entries()) == 1
         with pytest.raises(StoreError):
             reader.put(extrinsics(2))
+
+
+# ------------------------------------------------------------------ playbacks
+
+
+@given(puts=st.lists(st.tuples(st.integers(1, 6), st.booleans()), min_size=1, max_size=12))
+@settings(max_examples=40, deadline=None)
+def test_no_playback_ever_stands_before_what_the_robot_gave(puts: list[tuple[int, bool]]) -> None:
+    """Beside the store runs a model: two lists, in each of which what was put last stands first."""
+    live: list[int] = []
+    replayed: list[int] = []
+    with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "x.db") as store:
+        for stamp_ns, is_replay in puts:
+            store.put(extrinsics(stamp_ns), is_replay)
+            if not is_replay:
+                replayed = [stamp for stamp in replayed if stamp != stamp_ns]
+                live = [stamp_ns, *(stamp for stamp in live if stamp != stamp_ns)]
+            elif stamp_ns not in live:
+                replayed = [stamp_ns, *(stamp for stamp in replayed if stamp != stamp_ns)]
+            latest = store.latest("demo", "front")
+            assert latest is not None
+            assert latest.replayed == (not live)
+            found = [(entry.extrinsics.stamp_ns, entry.replayed) for entry in store.history("demo", "front")]
+            assert found == [(stamp, False) for stamp in live] + [(stamp, True) for stamp in replayed]
+            assert [entry.extrinsics.stamp_ns for entry in store.newest()] == [(live + replayed)[0]]

@@ -80,7 +80,8 @@ def show(
     if text := results.together(extrinsics.mount):
         say.result(f"  phi + psi = {text}")
     say.result(f"  camera at x {x:.4f} m, y {y:.4f} m, heading {math.degrees(yaw):.3f} deg in the robot's frame")
-    say.result(f"  from {extrinsics.frames} frames, saved {found.saved_at} by {extrinsics.software}")
+    playback = " of a playback" if found.replayed else ""
+    say.result(f"  from {extrinsics.frames} frames{playback}, saved {found.saved_at} by {extrinsics.software}")
     say.result(f"  for the rig {extrinsics.rig_digest}")
     for reason in extrinsics.reasons:
         say.result(f"  {reason}")

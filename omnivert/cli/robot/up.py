@@ -150,10 +150,10 @@ def _file(config: Path | None, play: str | None, sim: str | None = None) -> Iter
     """The configuration that the services are started with; without one it is that of the recording's rig.
 
     Bearings of another sensor come with wheels of their own, which no configuration of a robot describes: the rig is
-    the recording's then, too, under the names of the configuration.
+    the recording's then, too, under the names of the configuration. What is simulated has a store of its own.
     """
     source = opened(play) if play is not None else None
-    rig: Config | None = Config() if sim is not None and config is None else None
+    rig = _simulated(settings(config)) if sim is not None else None
     if source is not None and config is None:
         rig = source.config(Config())
     elif source is not None and not count(source, FRAME) and count(source, BEARINGS):
@@ -169,6 +169,13 @@ def _file(config: Path | None, play: str | None, sim: str | None = None) -> Iter
             yield path
     elif config is not None:
         yield config
+
+
+def _simulated(config: Config) -> Config:
+    """The same with a store of its own: nothing that the real robot stored is superseded by a robot that is none."""
+    path = config.storage.path
+    path = path.with_name(f"{path.stem}-sim{path.suffix}")
+    return config.model_copy(update={"storage": config.storage.model_copy(update={"path": path})})
 
 
 def _tell(config: Config, record: Path | None, play: str | None, sim: str | None, of_config: str) -> None:
@@ -190,7 +197,8 @@ def _tell(config: Config, record: Path | None, play: str | None, sim: str | None
     else:
         say.story(f"  camera    {camera.id}: {camera.source}, {camera.width_px} x {camera.height_px}")
         say.story(f"  encoder   {encoder.id}: {encoder.port}, {encoder.baud} baud")
-    say.story(f"  store     {config.storage.path}")
+    told = f"   (omnivert extrinsics show --store {shlex.quote(str(config.storage.path))})" if sim is not None else ""
+    say.story(f"  store     {escape(f'{config.storage.path}{told}')}")
     if record is not None:
         say.story(f"  records   {record}")
     say.story(f"  watch     {escape(f'omnivert monitor{of_config}')}     ctrl-c stops all\n")
