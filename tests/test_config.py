@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from omnivert.config import Config, load, parsed
+from omnivert.config import Config, load, parsed, with_rig
 from omnivert.errors import UseError
 
 
@@ -112,5 +112,21 @@ def test_json_of_the_settings_loads_as_the_same_settings(tmp_path: Path) -> None
 def test_the_rig_digest_follows_the_geometry_and_nothing_else() -> None:
     digest = Config().rig_digest()
     assert parsed({"vision": {"min_length": 0.5}, "encoder": {"port": "/dev/x"}}, "").rig_digest() == digest
-    for rig in ({"robot": {"wheel_base_m": 0.41}}, {"camera": {"bearing_sign": -1}}, {"encoder": {"left_sign": -1}}):
+    geometry = ({"robot": {"wheel_base_m": 0.41}}, {"camera": {"bearing_sign": -1}})
+    for rig in (*geometry, {"encoder": {"left_sign": -1}}, {"encoder": {"swap_sides": True}}):
         assert parsed(rig, "").rig_digest() != digest
+
+
+def test_what_was_stored_with_sides_swapped_is_of_another_rig_and_says_so() -> None:
+    right, swapped = Config(), parsed({"encoder": {"swap_sides": True}}, "")
+    for one, other in ((right, swapped), (swapped, right)):
+        (change,) = one.rig_changes(other.rig_digest())
+        assert change.startswith("encoder (")
+        assert "swap_sides" in change
+    assert swapped.rig()["encoder"]["swap_sides"] is True
+    assert with_rig(right, swapped.rig(), "a recording").rig_digest() == swapped.rig_digest()
+
+
+def test_the_digest_of_a_rig_without_swapped_sides_is_what_it_always_was() -> None:
+    """What robots have stored under it is taken up again."""
+    assert Config().rig_digest() == "6ac37446-17b008e2-2a0fa889-13d42508-41a7a8c7"

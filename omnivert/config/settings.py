@@ -55,8 +55,7 @@ class Config(Section):
 
     def rig_digest(self) -> str:
         """Fingerprint of all that a stored mount depends on: eight digits for each table that has a part in it."""
-        values = self._mount_depends_on().values()
-        return "-".join(hashlib.sha256(json.dumps(part, sort_keys=True).encode()).hexdigest()[:8] for part in values)
+        return "-".join(map(_fingerprint, self._mount_depends_on().values()))
 
     def rig_changes(self, digest: str) -> tuple[str, ...]:
         """Where this configuration differs from that of another `rig_digest`: "table (key, key ...)"; () when nowhere.
@@ -80,9 +79,15 @@ class Config(Section):
         return depends
 
 
+def _fingerprint(part: dict[str, Any]) -> str:
+    """Of one table; what is false stays out, so that a switch that came later leaves the digests from before it."""
+    told = {key: value for key, value in part.items() if value is not False}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:8]
+
+
 _RIG: dict[str, set[str]] = {
     "robot": {"id", "wheel_base_m"},
-    "encoder": {"id", "wheel_diameter_m", "ticks_per_rev", "left_sign", "right_sign", "noise_k_m"},
+    "encoder": {"id", "wheel_diameter_m", "ticks_per_rev", "swap_sides", "left_sign", "right_sign", "noise_k_m"},
     "camera": {"id", "width_px", "height_px", "bearing_sign", "frame_rate_hz"},
     "ring": {"center_px", "r_min_px", "r_max_px", "horizon_px"},
 }

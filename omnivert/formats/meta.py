@@ -21,6 +21,7 @@ EXPORTED = "omnivert"  # key of what an export knows of the rig beyond the form 
 # Displacements in metres are counted by a wheel of 1 m around in 10 million ticks: 0.1 um a tick, finer than logs are.
 # Rounding to it is nothing beside the wheels' noise (0.45 mm in 1 mm of way, eq. 31), and 2^53 ticks go 900 000 km.
 METRE_WHEEL = {"wheel_diameter_m": 1.0 / pi, "ticks_per_rev": 10_000_000}
+_SIDES = ("swap_sides", "left_sign", "right_sign")  # of what the device counted; the folder holds none of it raw
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +65,10 @@ class Meta:
             "encoder": {
                 "wheel_diameter_m": self._number("robot.wheel_diameter_m"),
                 "ticks_per_rev": self._number("robot.ticks_per_rev"),
-                "left_sign": 1,  # the folder's counts are signed already
+                "swap_sides": False,  # the folder's counts are those of the right sides, and signed, already
+                "left_sign": 1,
                 "right_sign": 1,
-                **self._optional("encoder", "id", "noise_k_m", "left_sign", "right_sign"),
+                **self._optional("encoder", "id", "noise_k_m", *_SIDES),
             },
             "camera": {
                 "width_px": self._number("image.width"),
@@ -97,9 +99,10 @@ class Meta:
             },
             "encoder": {
                 **METRE_WHEEL,
+                "swap_sides": False,
                 "left_sign": 1,
                 "right_sign": 1,
-                **self._optional("encoder", *METRE_WHEEL, "id", "noise_k_m", "left_sign", "right_sign"),
+                **self._optional("encoder", *METRE_WHEEL, "id", "noise_k_m", *_SIDES),
             },
             "camera": {
                 "bearing_sign": 1,  # the folder's bearings are counter-clockwise

@@ -14,6 +14,7 @@ from omnivert.store_rules import restorable
 
 CONFIG = Config()
 MOUNT = Mount(-0.34, 0.23, 0.33, np.diag([1e-4, 1e-6, 1e-4]))
+ENCODER = "encoder (id, left_sign, right_sign, swap_sides, ticks_per_rev, wheel_diameter_m)"
 GOOD = Extrinsics(5, "demo", "front", MOUNT, State.CALIBRATED, 99, (), f"omnivert {__version__}", CONFIG.rig_digest())
 
 
@@ -62,7 +63,8 @@ def test_a_covariance_of_very_unlike_units_is_still_one() -> None:
     ("change", "named"),
     [
         ({"robot": {"wheel_base_m": 0.41}}, "robot (id, wheel_base_m)"),
-        ({"encoder": {"ticks_per_rev": 1000}}, "encoder (id, left_sign, right_sign, ticks_per_rev, wheel_diameter_m)"),
+        ({"encoder": {"ticks_per_rev": 1000}}, ENCODER),
+        ({"encoder": {"swap_sides": True}}, ENCODER),
         ({"camera": {"bearing_sign": -1}}, "camera (bearing_sign, height_px, id, width_px, stamp_delay_s)"),
         ({"camera": {"stamp_delay_s": 0.016}}, "camera (bearing_sign, height_px, id, width_px, stamp_delay_s)"),
         ({"ring": {"r_max_px": 230.0}}, "ring (horizon_px, r_max_px, r_min_px)"),

@@ -172,7 +172,7 @@ def _of_odometry(series: _Series, topic: Topic, base: float) -> Turned:
         left, right = (
             np.rint(ticks * np.concatenate([[0.0], np.cumsum(way + side * 0.5 * base * turn)])) for side in (-1.0, 1.0)
         )
-    encoder = {**METRE_WHEEL, "left_sign": 1, "right_sign": 1}
+    encoder = {**METRE_WHEEL, "swap_sides": False, "left_sign": 1, "right_sign": 1}
     return _held(series.stamp_ns, left, right, series, encoder, notes)
 
 
