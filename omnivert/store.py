@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -166,7 +167,9 @@ class Store:
             raise StoreError("OV602", f"the store {self.path} cannot be opened", "it is a folder", help)
         if not self.path.parent.is_dir():
             because = f"there is no folder {self.path.parent}"
-            raise StoreError("OV602", f"the store {self.path} cannot be opened", because, f"mkdir {self.path.parent}")
+            raise StoreError(
+                "OV602", f"the store {self.path} cannot be opened", because, f"mkdir {quote(str(self.path.parent))}"
+            )
         with self._troubles("be opened"):
             with suppress(_Damaged):
                 return self._connected()
@@ -247,7 +250,7 @@ class Store:
         what = f"the store {self.path} cannot {doing}"
         if _code(error) in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
             because = f"another program has had it locked for {self._locked_s:g} s"
-            return StoreError("OV601", what, because, f"fuser {self.path}   # shows who")
+            return StoreError("OV601", what, because, f"fuser {quote(str(self.path))}   # shows who")
         if _is_corrupt(error):
             help = "omnivert up --config robot.toml   # sets it aside, begins a new one"
             return StoreError("OV603", what, f"it is damaged ({_in_one_line(error)})", help)

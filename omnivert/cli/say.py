@@ -4,8 +4,10 @@ import codecs
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 from rich.console import Console
@@ -15,6 +17,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from omnivert.errors import OmnivertError
 
 T = TypeVar("T")
+
+COLUMNS = 100  # of what is told in sentences, and of tables
 
 PLAIN = {
     "±": "+-", "✓": "v", "✗": "x", "–": "-", "·": "|", "─": "-", "━": "-", "▶": ">", "°": " deg", "φ": "phi",
@@ -61,6 +65,28 @@ def story(text: str) -> None:
     """One line of what is being done; may hold rich markup."""
     sys.stdout.flush()  # where both go to one place, they keep their order
     err().print(text)
+
+
+def folded(text: str, indent: int = 0) -> list[str]:
+    """Lines of at most 100 columns; those after the first begin so far in. A word that is longer stays whole."""
+    rest = " " * indent
+    return textwrap.wrap(text, COLUMNS, subsequent_indent=rest, break_long_words=False, break_on_hyphens=False)
+
+
+def note(text: str) -> None:
+    """What somebody should know of what was done, in as many lines as it takes."""
+    first, *more = folded(f"note    {text}", 8)
+    for line in (f"[yellow]note[/]{escape(first.removeprefix('note'))}", *map(escape, more)):
+        story(line)
+
+
+def following(command: str) -> None:
+    """The command to type next, as a shell takes it."""
+    story(f"next    {escape(command)}")
+
+
+def wrote(path: Path) -> None:
+    story(f"wrote   {escape(str(path))}")
 
 
 def result(text: str) -> None:

@@ -3,6 +3,7 @@
 import difflib
 from importlib import resources
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -115,7 +116,7 @@ def recording_path(name: str) -> Path:
     if path.is_dir():
         marks = {"bearings.csv": "bearings", "metadata.yaml": "rosbag"}  # files that only such a folder has
         kind = next((kind for name, kind in marks.items() if (path / name).exists()), "frames")
-        help = f"omnivert import {kind} {name} -o drive.mcap   # makes a recording of a folder"
+        help = f"omnivert import {kind} {quote(name)} -o drive.mcap   # makes a recording of a folder"
         raise UseError("OV321", f"{name} is a folder", "a recording is one file", help)
     if path.exists() and not path.is_file():
         because = "it is a device or a pipe, and a recording is read more than once"

@@ -4,6 +4,7 @@ import heapq
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from shlex import quote
 
 from omnivert.config import Config
 from omnivert.errors import DataError
@@ -40,7 +41,9 @@ def cut(
         if not writer.counts:
             lasts_s = 1e-9 * (recording.end_ns - recording.start_ns)
             what = f"{recording.path} holds nothing between these times"
-            raise DataError("OV305", what, f"it lasts {lasts_s:.1f} s", f"omnivert rec info {recording.path}")
+            raise DataError(
+                "OV305", what, f"it lasts {lasts_s:.1f} s", f"omnivert rec info {quote(str(recording.path))}"
+            )
         for name in recording.attachments:
             data = recording.attachment(name)
             is_table = name.startswith("truth/") and name.endswith(".csv")

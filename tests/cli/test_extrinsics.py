@@ -26,9 +26,26 @@ def test_the_list_shows_the_latest_of_each_camera(omnivert: Any, store: Path) ->
     ran = omnivert("extrinsics", "list", "--store", store)
     assert ran.code == 0
     rows = ran.out.splitlines()
-    assert len(rows) == 3
-    assert [row.split()[:3] for row in rows[1:]] == [["#2", "arm", "wrist"], ["#3", "demo", "front"]]
-    assert "34.38 ± 0.57 deg" in rows[2]
+    assert len(rows) == 5
+    assert (rows[1], rows[3]) == ("robot arm, camera wrist", "robot demo, camera front")
+    assert [row.split()[0] for row in rows[2::2]] == ["#2", "#3"]
+    assert "phi, deg" in rows[0]
+    assert "34.38 ± 0.57" in rows[4]
+
+
+def test_a_table_of_long_names_and_sharp_results_fits_a_terminal(omnivert: Any, tmp_path: Path) -> None:
+    with Store(tmp_path / "x.db") as store:
+        for number in range(30):
+            sharp = extrinsics("robot-number-" + "9" * 19, "camera-" + "8" * 25, number, -2.5)
+            mount = replace(sharp.mount, covariance=1e-4 * sharp.mount.covariance)
+            store.put(replace(sharp, mount=mount), replayed=number % 2 == 0)
+    for command in ("list", "history"):
+        names = ("--robot", sharp.robot, "--camera", sharp.camera) if command == "history" else ()
+        rows = omnivert("extrinsics", command, "--store", tmp_path / "x.db", *names).out.splitlines()
+        assert max(map(len, rows)) <= 100, rows
+        assert rows[2].split()[0] == "#30"
+    told = " ".join(rows)
+    assert "from playbacks, behind what the robot itself gave: #29, #27" in told
 
 
 def test_the_history_is_newest_first(omnivert: Any, store: Path) -> None:

@@ -39,6 +39,7 @@ def test_it_says_what_it_took_and_what_to_type_next(omnivert: Any, bag: Path, co
     assert last == f"next    omnivert calibrate {out}"
     assert notes[0] == "note    images are taken from /camera/image_raw (sensor_msgs/CompressedImage, 20 messages)"
     assert not any("--config" in note for note in notes)
+    assert max(map(len, notes)) <= 100
     assert Recording(out).rig["robot"] == {"id": "r7", "wheel_base_m": 0.5}
 
 
@@ -46,7 +47,10 @@ def test_without_a_configuration_it_says_whose_rig_this_is(omnivert: Any, tmp_pa
     with BagMaker(tmp_path / "plain", "mcap") as maker:
         maker.pixels("/image", ORIGIN_NS, ORIGIN_NS, 640, 480, "mono8", 640, np.zeros(640 * 480, np.uint8))
         maker.counts("/wheels", Ticks(0, 1, 2), ORIGIN_NS)
-    notes = omnivert("import", "rosbag", maker.path, "-o", tmp_path / "out.mcap", "--json").json["notes"]
+    ran = omnivert("import", "rosbag", maker.path, "-o", tmp_path / "out.mcap")
+    assert "--config robot.toml" in ran.err
+    assert max(map(len, ran.err.splitlines()[:-1])) <= 100  # the last line is a command, and stays whole
+    notes = omnivert("import", "rosbag", maker.path, "-o", tmp_path / "more.mcap", "--json").json["notes"]
     assert any("those of the defaults" in note and "--config robot.toml" in note for note in notes)
 
 

@@ -111,7 +111,10 @@ def test_a_recording_with_truth_is_scored(omnivert: Any, scored: Path) -> None:
     assert score["recall"] > 0.8
     assert score["precision"] > score["precision_chance"]
     assert score["correct_percent"] + score["false_percent"] + score["false_new_percent"] == pytest.approx(100.0)
-    found, kept = omnivert("track", scored).out.splitlines()[1:]
+    rows = omnivert("track", scored).out.splitlines()
+    assert max(map(len, rows)) <= 100
+    found, kept, lines = rows[1:]
+    assert re.match(r"lines   \d+\.\d true ones a frame · bearings to \d\.\d\d mrad", lines)
     assert found.startswith(f"found   {100 * score['recall']:.1f} % of the strong lines")
     assert kept.startswith(f"kept    {score['correct_percent']:.2f} % of links right")
 

@@ -1,6 +1,7 @@
 """rec info, cut, merge and export on small recordings: what they say, and what they refuse."""
 
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,24 @@ def test_info_as_json_tells_way_and_turn_as_the_odometer_does(omnivert: Any, tur
     assert {key: told[key] for key in given} == given
     assert (told["start_ns"], told["end_ns"]) == (recording.start_ns, recording.end_ns)
     assert (told["robot"], told["chunks"], told["chunks_damaged"]) == ("demo", recording.chunks, 0)
+
+
+def test_the_command_to_type_next_takes_any_name(omnivert: Any, straight: Path, tmp_path: Path) -> None:
+    """What is printed is pasted into a shell: blanks, quotes and what looks like markup stay of the name."""
+    odd = tmp_path / "my [bold] drive's.mcap"
+    commands = (
+        ("rec", "cut", straight, "--to", 2, "-o", odd),
+        ("rec", "export", odd, "-o", tmp_path / "it's [a] folder"),
+        ("import", "frames", tmp_path / "it's [a] folder", "-o", tmp_path / "one 'more.mcap"),
+    )
+    for command in commands:
+        ran = omnivert(*command)
+        assert ran.code == 0, ran
+        name, *following = shlex.split(ran.err.splitlines()[-1].removeprefix("next"), comments=True)
+        made = tmp_path / f"{command[1]}.mcap"
+        again = omnivert(*(made if word == "OUT.mcap" else word for word in following))
+        assert name == "omnivert"
+        assert again.code == 0 or "error[OV1" in again.err, again  # it is found; two seconds do not calibrate
 
 
 def test_info_finds_gaps_damage_and_what_the_recorder_had_lost(omnivert: Any, tmp_path: Path) -> None:

@@ -25,15 +25,17 @@ class Score:
         return {"frames": self.frames, **{name: value for part in parts for name, value in asdict(part).items()}}
 
     def words(self) -> list[str]:
-        """Two lines to read."""
+        """Three lines to read."""
         d, i, s = self.detection, self.identity, self.sharpness
         ring = "" if s.ring_rms_px is None else f" · ring {s.ring_rms_px:.3f} px"
         honest = "" if s.normalised_sigma is None else f", {s.normalised_sigma:.2f} of what it claims"
         return [
             f"found   {100 * d.recall:.1f} % of the strong lines · {100 * d.precision:.1f} % of what it found is there"
-            f" (by chance {100 * d.precision_chance:.0f} %) · {d.correct_lines_per_frame:.1f} true lines a frame",
+            f" (by chance {100 * d.precision_chance:.0f} %)",
             f"kept    {i.correct_percent:.2f} % of links right, {i.false_percent:.2f} % false,"
-            f" {i.false_new_percent:.2f} % falsely new · bearings to {s.sigma_mrad:.2f} mrad{honest}{ring}",
+            f" {i.false_new_percent:.2f} % falsely new",
+            f"lines   {d.correct_lines_per_frame:.1f} true ones a frame · bearings to {s.sigma_mrad:.2f} mrad"
+            f"{honest}{ring}",
         ]
 
 

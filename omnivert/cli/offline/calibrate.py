@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.given import Given
@@ -60,16 +61,16 @@ def calibrate(
     check_outputs({"recording": source.path, "configuration": config}, {"--picture": picture})
     check_format(picture)
     given = Given.of(source)
-    say.story(f"[cyan]given[/]   {title(recording)}  {given}")
+    say.story(f"[cyan]given[/]   {escape(title(recording))}  {given}")
     rig = rig_of(source, chosen)
     outcome = calibration(source, rig, given)
     truth = results.truth_of(source)
     say.story(f"[cyan]drive[/]   {drive(outcome)}")
     if given.cut:
-        say.story(f"[yellow]note[/]    the recording is not whole: {given.fault}")
+        say.note(f"the recording is not whole: {given.fault}")
     if picture is not None:
         write_picture(picture, outcome, source, rig, truth)
-        say.story(f"[cyan]picture[/] {picture}")
+        say.story(f"[cyan]picture[/] {escape(str(picture))}")
     body = result_json(outcome, given, truth, rig)
     if outcome.last.state not in (State.CALIBRATED, State.USABLE):
         error = refusal(outcome)

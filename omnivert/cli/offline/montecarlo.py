@@ -106,7 +106,7 @@ def montecarlo(
         from omnivert.studies.charts import write_charts
 
         for path in write_charts(plots, cases, done, seed):
-            say.story(f"wrote   {path}")
+            say.wrote(path)
     if as_json:
         say.json_result({"preset": preset, "seed": seed, **figures})
     else:

@@ -47,7 +47,7 @@ def watched(
             charts.write_knocks(path, cases, knocked)
         else:
             charts.write_rooms(path, cases, rooms)
-        say.story(f"wrote   {path}")
+        say.wrote(path)
     if as_json:
         say.json_result({"preset": preset, "seed": seed, **figures})
         return

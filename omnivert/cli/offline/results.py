@@ -59,15 +59,17 @@ def rows(mount: Mount, words: tuple[str, str, str], truth: Truth | None) -> list
     return aligned(table)
 
 
-def aligned(table: Sequence[tuple[str, ...]]) -> list[str]:
-    """Rows of cells, first and last column flush left, the others flush right, two spaces apart."""
+def aligned(table: Sequence[tuple[str, ...]], apart: int = 3) -> list[str]:
+    """Rows of cells, first and last column flush left, the others flush right, so many spaces apart."""
     widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
     last = len(widths) - 1
     return [
-        "   ".join(
+        (" " * apart)
+        .join(
             cell.ljust(width) if column in (0, last) else cell.rjust(width)
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
+        )
+        .rstrip()
         for row in table
     ]
 
@@ -79,7 +81,7 @@ def together(mount: Mount) -> str:
     correlation = float(c[0, 2]) / scale if scale > 0 else 0.0
     if correlation > -0.8:
         return ""
-    return f"{heading(mount)}   (phi and psi are correlated by {correlation:.2f}: their sum is known best)"
+    return f"{heading(mount)}   (correlation of phi and psi {correlation:.2f}: their sum is known best)"
 
 
 def mount_json(mount: Mount | None) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import time
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -103,9 +104,8 @@ def simulate(
     say.result(f"truth   phi {phi * degrees:.2f} deg   rho {rho:.4f} m   psi {psi * degrees:.2f} deg")
     say.story(f"took    {seconds:.1f} s, {trip.frames / of_processor:.0f} frames for each second of one core")
     then = output if as_recording else "drive.mcap"
-    say.story(
-        f"next    {'' if as_recording else f'omnivert import frames {output} -o {then} && '}omnivert calibrate {then}"
-    )
+    first = "" if as_recording else f"omnivert import frames {quote(str(output))} -o {quote(str(then))} && "
+    say.following(f"{first}omnivert calibrate {quote(str(then))}")
 
 
 def staged(config: "Config", world: str, seed: int, people: int | None, tilt_deg: float | None) -> "Stage":

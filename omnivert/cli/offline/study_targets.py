@@ -29,7 +29,7 @@ def tell_targets(cases: "Sequence[Case]", each: dict[str, dict[str, Any]]) -> No
         runs = min(each[case.name]["runs"] for case in cases)
         if runs < _ENOUGH_RUNS and any("efficiency" in row[0] for row in table):
             chance = f"chance alone moves error/bound by {100.0 / math.sqrt(2.0 * runs):.0f} %"
-            say.story(f"[yellow]note[/]    of {runs} runs {chance}: the targets are for {_ENOUGH_RUNS} and more")
+            say.note(f"of {runs} runs {chance}: the targets are for {_ENOUGH_RUNS} and more")
 
 
 def numbers(value: Any) -> str:

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from math import hypot
 from pathlib import Path
+from shlex import quote
 from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,7 +67,7 @@ def track(
         because, again = "the lines come from them", ""
         if count(source, BEARINGS):
             because = "it holds the bearings themselves, which are tracked already"
-            again = f"omnivert calibrate {recording}"
+            again = f"omnivert calibrate {quote(recording)}"
         raise DataError("OV101", f"there are no frames in {title(recording)}", because, again)
     inputs = {"recording": source.path, "configuration": config}
     files = {"--csv": csv_path, "--centers": centers, "--video": video}
@@ -97,7 +98,7 @@ def track(
     _report(tracked, account, _scored(source, tracked), as_json)
     for path in (csv_path, centers, draw, video):
         if path is not None:
-            say.story(f"wrote   {path}")
+            say.wrote(path)
     if account.unusable == len(tracked):
         mostly = next(iter(account.reasons), "")
         raise DataError("OV110", f"no frame of {title(recording)} could be used", mostly, "omnivert explain OV110")
@@ -233,11 +234,16 @@ def _report(tracked: list[Bearings], account: "Account", score: "Score | None", 
     if account.unusable:
         say.result(f"{account.unusable} frames could not be used")
     for reason, times in account.reasons.items():
-        say.result(f"  {times:>6}  {reason}")
+        _tell(f"  {times:>6}  {reason}", 10)
     for text in notes.values():
-        say.result(text)
+        _tell(text)
     for row in [] if score is None else score.words():
         say.result(row)
+
+
+def _tell(text: str, indent: int = 0) -> None:
+    for line in say.folded(text, indent):
+        say.result(line)
 
 
 def _tracks(tracked: list[Bearings]) -> dict[str, Any]:

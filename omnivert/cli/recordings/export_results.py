@@ -38,7 +38,7 @@ def foxglove(recording: str, out: Path, config: Path | None = None, as_json: boo
         return
     text = amounts(written)
     say.result(f"{out}  {out.stat().st_size / 1e6:.1f} MB · {text}")
-    say.story(f"next    open {out} in Foxglove, and import {plan} as a layout there")
+    say.following(f"open {out} in Foxglove, and import {plan} as a layout there")
 
 
 def rosbag(recording: str, out: Path, config: Path | None = None, as_json: bool = False) -> None:
@@ -57,7 +57,7 @@ def rosbag(recording: str, out: Path, config: Path | None = None, as_json: bool 
     text = " · ".join(f"{number} on {topic}" for topic, number in written.items())
     say.result(f"{out}  {text or 'no messages: there is no estimate of the mount in this drive'}")
     if "/tf" not in written:
-        say.story("[yellow]note[/]    nothing is on /tf: no estimate was usable or calibrated")
+        say.note("nothing is on /tf: no estimate was usable or calibrated")
 
 
 def _results(source: "Recording", config: "Config") -> Iterator[Message]:

@@ -2,9 +2,8 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
-
-from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.outputs import check_new_recording
@@ -33,5 +32,5 @@ def imported(read: "Importer", source: Path, output: Path, config: Path | None, 
         return
     say.result(f"{output}  {size / 1e6:.1f} MB · {amounts(given.counts)}")
     for note in notes:
-        say.story(f"[yellow]note[/]    {escape(note)}")
-    say.story(f"next    omnivert calibrate {output}")
+        say.note(note)
+    say.following(f"omnivert calibrate {quote(str(output))}")

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.given import Given
@@ -77,7 +78,7 @@ def play(
         ends = "space pauses, n or the right arrow steps, q ends it" if has_keys else "ctrl-c ends it"
 
         def begun(service: str) -> None:
-            say.story(f"playing {title(recording)} to robot {chosen.robot.id}; {ends}")
+            say.story(f"playing {escape(title(recording))} to robot {chosen.robot.id}; {ends}")
             if not bus.await_presence(lambda: bool(bus.incarnations(service)), LISTENER_S) and not bus.stopped:
                 nobody = f"no {service} service of robot {chosen.robot.id} listens"
                 say.story(f"[yellow]{nobody}[/]: omnivert monitor shows who is here")

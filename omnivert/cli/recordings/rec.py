@@ -3,10 +3,10 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.given import fault
@@ -134,7 +134,8 @@ def _as_folder(recording: str, output: Path, as_json: bool) -> None:
         return
     say.result(f"{output}  {amounts(counts)}")
     _note(notes)
-    say.story(f"next    omnivert import {exported.kind} {output} -o OUT.mcap   # makes a recording of it again")
+    folder = quote(str(output))
+    say.following(f"omnivert import {exported.kind} {folder} -o OUT.mcap   # makes a recording of it again")
 
 
 def _check(output: Path, sources: "Sequence[Recording]") -> None:
@@ -149,7 +150,7 @@ def _tell(output: Path, counts: dict[str, int], notes: Sequence[str], as_json: b
         return
     say.result(f"{output}  {size / 1e6:.1f} MB · {sum(counts.values())} messages")
     _note(notes)
-    say.story(f"next    omnivert rec info {output}")
+    say.following(f"omnivert rec info {quote(str(output))}")
 
 
 def _faults(sources: "Sequence[Recording]") -> list[str]:
@@ -159,4 +160,4 @@ def _faults(sources: "Sequence[Recording]") -> list[str]:
 
 def _note(notes: Sequence[str]) -> None:
     for note in notes:
-        say.story(f"[yellow]note[/]    {escape(note)}")
+        say.note(note)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.outputs import check_new_recording
@@ -48,7 +49,7 @@ def record(
         raise UseError("OV208", f"{output.stem}-001{output.suffix} exists already", because, "choose another name")
     began_s = time.monotonic()
     with Bus(chosen, "recorder", f"r{os.getpid()}", patience_s=PATIENCE_S) as bus, say.status() as now:
-        say.story(f"recording robot {chosen.robot.id} to {output}; ctrl-c ends it")
+        say.story(f"recording robot {chosen.robot.id} to {escape(str(output))}; ctrl-c ends it")
         recorded = run(bus, chosen, output, lambda so_far: now(_status(so_far, time.monotonic() - began_s)))
     if not recorded.messages:
         for path in recorded.paths:

@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Mapping
 from errno import EACCES
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import tomlkit
@@ -20,7 +21,10 @@ def check_editable(path: Path) -> None:
     """raises UseError when it is a configuration of a kind that cannot be changed in place"""
     if path.suffix == ".json":
         raise UseError(
-            "OV208", f"{path} is not changed", "only a TOML file is", f"omnivert config -c {path} > robot.toml"
+            "OV208",
+            f"{path} is not changed",
+            "only a TOML file is",
+            f"omnivert config -c {quote(str(path))} > robot.toml",
         )
 
 

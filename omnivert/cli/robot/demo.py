@@ -7,9 +7,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omnivert.cli import say
 from omnivert.cli.offline import results
@@ -188,7 +190,7 @@ def _tell(
     say.result(f"  Stored in   {store}{entry}")
     say.result(f"  Picture     {picture}")
     say.story(f"  Took        {seconds:.1f} s")
-    say.story(f"  Next        what is stored:  omnivert extrinsics show --store {store}")
+    say.story(f"  Next        what is stored:  omnivert extrinsics show --store {escape(quote(str(store)))}")
     say.story("              your robot:      omnivert config > robot.toml, then omnivert up --config robot.toml")
     say.story("              your recording:  omnivert import frames DIR -o d.mcap && omnivert calibrate d.mcap")
 

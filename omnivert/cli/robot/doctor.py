@@ -3,6 +3,7 @@
 import difflib
 import re
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -163,5 +164,9 @@ def _coloured(line: "Line") -> Text:
 
 def _again(recording: str | None, config: Path | None) -> str:
     return " ".join(
-        ["omnivert doctor", *([recording] if recording else []), *([f"--config {config}"] if config else [])]
+        [
+            "omnivert doctor",
+            *([quote(recording)] if recording else []),
+            *(["--config", quote(str(config))] if config else []),
+        ]
     )

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from omnivert.store import Entry, Store
 
 app = typer.Typer(help="What the store holds.")
+HEADINGS = ("entry", "phi, deg", "rho, m", "psi, deg", "verdict", "saved, UTC")
 StoreOption = Annotated[Path | None, typer.Option("--store", help="The SQLite file; else the configuration's.")]
 CameraOption = Annotated[str | None, typer.Option("--camera", help="Camera to look at; else the configuration's.")]
 EntryOption = Annotated[int | None, typer.Option("--entry", min=1, help="Number of the entry; else the latest.")]
@@ -84,7 +85,8 @@ def show(
     say.result(f"  from {extrinsics.frames} frames{playback}, saved {found.saved_at} by {extrinsics.software}")
     say.result(f"  for the rig {extrinsics.rig_digest}")
     for reason in extrinsics.reasons:
-        say.result(f"  {reason}")
+        for line in say.folded(f"  {reason}", 4):
+            say.result(line)
 
 
 @app.command("export")
@@ -120,7 +122,7 @@ def export(
         output.write_text(text + "\n", encoding="utf-8")
     except OSError as error:
         raise DataError("OV322", f"cannot write {output}", str(error.strerror or error)) from error
-    say.story(f"wrote   {output}")
+    say.wrote(output)
 
 
 @contextmanager
@@ -185,11 +187,22 @@ def _table(entries: list["Entry"], as_json: bool) -> None:
     if not entries:
         say.story("nothing is stored")
         return
-    table = [("entry", "robot", "camera", "phi", "rho", "psi", "verdict", "saved")]
-    for entry in entries:
-        extrinsics = entry.extrinsics
-        phi, rho, psi = (str(part) for part in quantities(extrinsics.mount))
-        names = (f"#{entry.entry}", extrinsics.robot, extrinsics.camera)
-        table.append((*names, phi, rho, psi, word(extrinsics.state), entry.saved_at))
-    for row in results.aligned(table):
+    heading, *rows = results.aligned([HEADINGS, *map(_cells, entries)], apart=2)
+    say.result(heading)
+    whose = ""
+    for entry, row in zip(entries, rows, strict=True):
+        name = f"robot {entry.extrinsics.robot}, camera {entry.extrinsics.camera}"
+        if name != whose:
+            say.result(name)
+        whose = name
         say.result(row)
+    if played := [f"#{entry.entry}" for entry in entries if entry.replayed]:
+        for line in say.folded(f"from playbacks, behind what the robot itself gave: {', '.join(played)}", 2):
+            say.result(line)
+
+
+def _cells(entry: "Entry") -> tuple[str, ...]:
+    extrinsics = entry.extrinsics
+    phi, rho, psi = (f"{part.value_text} ± {part.sigma_text}" for part in quantities(extrinsics.mount))
+    saved = entry.saved_at[:16].replace("T", " ")
+    return (f"#{entry.entry}", phi, rho, psi, word(extrinsics.state), saved)

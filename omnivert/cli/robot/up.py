@@ -2,11 +2,11 @@
 
 import json
 import math
-import shlex
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -68,7 +68,7 @@ def up(
         before = Before.of(chosen)
         inputs = {"configuration": config, "recording": None if play is None else recording_path(play)}
         check_distinct(inputs, {"--record": record, "storage.path": chosen.storage.path})
-        of_config = "" if config is None else f" --config {shlex.quote(str(config))}"
+        of_config = "" if config is None else f" --config {quote(str(config))}"
         _tell(chosen, record, play, sim, of_config)
         following = "drive" if sim is not None and path is None else "monitor"
         try:
@@ -191,13 +191,13 @@ def _tell(config: Config, record: Path | None, play: str | None, sim: str | None
         who = "this machine only" if is_local(endpoint) else "[yellow]open to the network, without a password[/]"
         say.story(f"  listens   {endpoint}   ({who})")
     if play is not None:
-        say.story(f"  plays     {title(play)}, in place of the robot")
+        say.story(f"  plays     {escape(title(play))}, in place of the robot")
     elif sim is not None:
-        say.story(f"  simulates a robot in {title(sim)}; steer it with: {escape(f'omnivert drive{of_config}')}")
+        say.story(f"  simulates a robot in {escape(title(sim))}; steer it with: {escape(f'omnivert drive{of_config}')}")
     else:
         say.story(f"  camera    {camera.id}: {camera.source}, {camera.width_px} x {camera.height_px}")
         say.story(f"  encoder   {encoder.id}: {encoder.port}, {encoder.baud} baud")
-    told = f"   (omnivert extrinsics show --store {shlex.quote(str(config.storage.path))})" if sim is not None else ""
+    told = f"   (omnivert extrinsics show --store {quote(str(config.storage.path))})" if sim is not None else ""
     say.story(f"  store     {escape(f'{config.storage.path}{told}')}")
     if record is not None:
         say.story(f"  records   {record}")

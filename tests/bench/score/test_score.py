@@ -260,7 +260,8 @@ def test_finding_nothing_is_no_crash(truths: list[FrameTruth]) -> None:
     none = Sighting(np.empty(0, dtype=np.int64), np.empty(0))
     found = judged([none] * FRAMES, truths)
     assert (found.detection.recall, found.identity.links) == (0.0, 0)
-    assert len(found.words()) == 2
+    assert len(found.words()) == 3
+    assert max(map(len, found.words())) <= 100
     nothing = np.empty(0)
     bare = FrameTruth(np.empty(0, dtype=np.int64), nothing, nothing, nothing, nothing)
     assert np.isnan(judged([none], [bare]).detection.recall)
