@@ -9,6 +9,7 @@ from shlex import quote
 from typing import Any
 
 import tomlkit
+import tomlkit.items
 from tomlkit.exceptions import TOMLKitError
 
 from omnivert.config import parsed
@@ -42,7 +43,7 @@ def edited(text: str, changes: Changes, where: str) -> str:
                 document[table] = tomlkit.table()
             settings: Any = document[table]
             for key, value in values.items():
-                settings[key] = value
+                _put(settings, key, value)
     except (TOMLKitError, TypeError) as error:
         raise UseError("OV202", f"{where} cannot be changed", str(error)) from error
     parsed(document.unwrap(), where)
@@ -50,6 +51,17 @@ def edited(text: str, changes: Changes, where: str) -> str:
     if 0 < text.count("\n") == text.count("\r\n"):
         new = new.replace("\r\n", "\n").replace("\n", "\r\n")
     return new
+
+
+def _put(settings: Any, key: str, value: Any) -> None:
+    """Of a list each item by itself, where there are as many: what stands between them is a person's."""
+    if key in settings and isinstance(value, list):
+        held = settings[key]
+        if isinstance(held, tomlkit.items.Array) and len(held) == len(value):
+            for place, item in enumerate(value):
+                held[place] = item
+            return
+    settings[key] = value
 
 
 def edit(path: Path, changes: Changes) -> None:

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -81,10 +82,11 @@ def ring(
         say.json_result(_body(taken, rim, inner, found, picture, changes, config if written else None))
     elif config is None:
         say.result("\n".join(["[ring]", *(f"{key} = {value}" for key, value in _values(found).items())]))
-    elif not changes:
-        say.story(f"{escape(str(config))} says so already")
-    elif written:
-        say.story(f"wrote   {escape(str(config))}")
+        again = " ".join(["omnivert setup ring", *map(quote, sources)])
+        say.following(f"{again} --config robot.toml   # writes it there; omnivert config > robot.toml makes one")
+    elif not changes or written:
+        say.story(f"{escape(str(config))} says so already" if not changes else f"wrote   {escape(str(config))}")
+        say.following(f"omnivert up --config {quote(str(config))}   # starts the services")
     else:
         say.story(f"[yellow]not written[/]: --yes writes it into {escape(str(config))}")
 
