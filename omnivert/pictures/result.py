@@ -17,6 +17,7 @@ Truth = tuple[float, float, float]  # phi, rho, psi; rad, m, rad
 
 SIZE_IN = (16.0, 9.25)
 DPI = 120
+LEFT, TOP = 0.055, 0.885  # of the curves, as shares of the picture
 LINES = ("#2f6690", "#c06c2b", "#6a4c93")  # phi, rho, psi
 LABELS = ("φ, deg", "ρ, m", "ψ, deg")
 
@@ -42,9 +43,10 @@ def write_result(
     figure = Figure(figsize=SIZE_IN, dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(
-        3, 2, width_ratios=(1.62, 1.0), left=0.055, right=0.985, top=0.885, bottom=0.06, wspace=0.07, hspace=0.14
+        3, 2, width_ratios=(1.62, 1.0), left=LEFT, right=0.985, top=TOP, bottom=0.06, wspace=0.07, hspace=0.14
     )
     _title(figure, estimates[-1], robot)
+    _states_legend(figure, estimates)
     curves = [figure.add_subplot(grid[row, 0]) for row in range(3)]
     for index, axes in enumerate(curves):
         _curve(axes, estimates, index, truth)
@@ -77,6 +79,28 @@ def _title(figure: Any, last: Estimate, robot: str) -> None:
     )
     drive = f"{last.frame} frames   {last.driven_m:.1f} m driven   {math.degrees(last.turned_rad):.0f}° turned"
     figure.text(0.985, 0.943, drive, fontsize=12, color=FAINT, va="center", ha="right")
+
+
+def _states_legend(figure: Any, estimates: Sequence[Estimate]) -> None:
+    """Above the strips: which state each of their colours means, in the order in which they came."""
+    from matplotlib.lines import Line2D
+
+    words: dict[str, list[str]] = {}  # by colour, which some states share
+    for state in dict.fromkeys(estimate.state for estimate in estimates):
+        words.setdefault(colour(state), []).append(word(state))
+    figure.legend(
+        [Line2D([], [], color=ink, linewidth=4.0, solid_capstyle="butt") for ink in words],
+        [" or ".join(names) for names in words.values()],
+        loc="lower left",
+        bbox_to_anchor=(LEFT, TOP),
+        ncols=len(words),
+        frameon=False,
+        fontsize=10,
+        labelcolor=INK,
+        borderaxespad=0.3,
+        borderpad=0.1,
+        handlelength=2.2,
+    )
 
 
 def _series(estimates: Sequence[Estimate], index: int) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnivert.messages import Estimate, State
 from omnivert.pictures.result import DPI, SIZE_IN, write_result
+from omnivert.pictures.words import colour
 
 TRUTH = (-0.34, 0.23, 0.33)
 WIDTH, HEIGHT = round(SIZE_IN[0] * DPI), round(SIZE_IN[1] * DPI)
@@ -39,6 +40,26 @@ def test_every_part_of_the_picture_is_drawn(tmp_path: Path, drive: list[Estimate
     write_result(tmp_path / "r.png", drive, "demo", 0.4, frame, TRUTH)
     for name, part in parts(tmp_path / "r.png").items():
         assert part.std() > 5.0, name
+
+
+@pytest.mark.parametrize(
+    "states", [(State.NOT_YET,), (State.NOT_YET, State.USABLE, State.CALIBRATED), (State.CALIBRATED, State.MOVED)]
+)
+def test_the_colours_of_the_strip_and_no_others_are_explained_above_it(
+    tmp_path: Path, estimate_of: Callable[..., Estimate], states: tuple[State, ...]
+) -> None:
+    estimates = [estimate_of(number, state) for number, state in enumerate(states, 1)]
+    write_result(tmp_path / "r.png", estimates, "demo", 0.4)
+    picture = cv2.imread(str(tmp_path / "r.png"))
+    assert picture is not None
+    above = picture[round(0.09 * HEIGHT) : round(0.112 * HEIGHT), : WIDTH // 2].reshape(-1, 3)
+
+    def shown(state: State) -> bool:
+        red_green_blue = bytes.fromhex(colour(state).removeprefix("#"))
+        return int((above == np.array(tuple(red_green_blue))[::-1]).all(axis=1).sum()) > 50
+
+    kinds = (State.NOT_YET, State.USABLE, State.CALIBRATED, State.MOVED, State.WAITING)
+    assert {state for state in kinds if shown(state)} == set(states)
 
 
 def test_the_same_drive_gives_the_same_bytes(tmp_path: Path, drive: list[Estimate]) -> None:
