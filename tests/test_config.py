@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from omnivert.config import Config, load, parsed, with_rig
+from omnivert.config import Config, Section, load, parsed, with_rig
 from omnivert.errors import UseError
 
 
@@ -107,6 +107,18 @@ def test_json_of_the_settings_loads_as_the_same_settings(tmp_path: Path) -> None
     config = parsed({"robot": {"id": "r2", "wheel_base_m": 0.3}, "vision": {"mode": "paper"}}, "")
     (tmp_path / "config.json").write_text(config.model_dump_json())
     assert load(tmp_path / "config.json") == config
+
+
+SECTIONS = {name: field.annotation for name, field in Config.model_fields.items()}
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_every_table_and_every_setting_in_it_says_what_it_means(name: str) -> None:
+    section = SECTIONS[name]
+    assert isinstance(section, type)
+    assert issubclass(section, Section)
+    assert section.__doc__
+    assert [key for key, field in section.model_fields.items() if len(field.description or "") < 8] == []
 
 
 def test_the_rig_digest_follows_the_geometry_and_nothing_else() -> None:

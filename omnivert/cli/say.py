@@ -67,10 +67,10 @@ def story(text: str) -> None:
     err().print(text)
 
 
-def folded(text: str, indent: int = 0) -> list[str]:
-    """Lines of at most 100 columns; those after the first begin so far in. A word that is longer stays whole."""
+def folded(text: str, indent: int = 0, columns: int = COLUMNS) -> list[str]:
+    """Lines of at most so many columns; those after the first begin so far in. A word that is longer stays whole."""
     rest = " " * indent
-    return textwrap.wrap(text, COLUMNS, subsequent_indent=rest, break_long_words=False, break_on_hyphens=False)
+    return textwrap.wrap(text, columns, subsequent_indent=rest, break_long_words=False, break_on_hyphens=False)
 
 
 def note(text: str) -> None:

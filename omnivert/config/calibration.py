@@ -13,9 +13,11 @@ class Calibration(Section):
     mode: Literal["default", "paper"] = "default"
     """paper: the filter as printed (state D, eq. 26, 5 K, started from `start_*`); default: global start, 1/D, arcs."""
     start_phi_rad: float = Field(0.0, ge=-3.15, le=3.15)
-    """Measured by hand; used in paper mode only, as are the next two (IX-B)."""
+    """Direction of the camera, measured by hand; used in paper mode only, as are the next two (IX-B)."""
     start_rho_m: float = Field(0.2, ge=0.0, le=5.0)
+    """Its distance from the robot's origin."""
     start_psi_rad: float = Field(0.0, ge=-3.15, le=3.15)
+    """Its heading, against that direction."""
     max_rho_m: float = Field(1.0, gt=0.0, le=10.0)
     """A camera farther than this from the robot's origin is no solution."""
     sigma_limit_deg: float = Field(2.0, gt=0.0, le=45.0)
@@ -31,6 +33,7 @@ class Calibration(Section):
     keyframe_step_m: float = Field(0.015, gt=0.0, le=10.0)
     """Bearings count again after this way, or after `keyframe_turn_deg`: a robot that stands learns nothing new."""
     keyframe_turn_deg: float = Field(1.0, gt=0.0, le=90.0)
+    """Or after this turn."""
     window_keyframes: int = Field(600, ge=40, le=5000)
     """Keyframes that are solved together; then the older half becomes a prior of the rest."""
     window_lines: int = Field(200, ge=10, le=5000)

@@ -11,10 +11,13 @@ class Camera(Section):
     """The omnidirectional camera."""
 
     id: Id = "front"
+    """Names the camera in keys and in the store."""
     source: str = "0"
     """Number of a camera, a device, a video file, a stream's URL (rtsp://, http://), or a folder of images."""
     width_px: int = Field(640, ge=32, le=16384)
+    """Width of its pictures; asked of a camera, and told where they have another."""
     height_px: int = Field(480, ge=32, le=16384)
+    """Height of its pictures."""
     frame_rate_hz: float = Field(15.0, gt=0.0, le=1000.0)
     """Rate to ask of a camera, and to play a folder of images at."""
     colour: bool = False
@@ -35,6 +38,7 @@ class MirrorRing(Section):
     center_px: Annotated[tuple[float, float], Strict(False)] = (321.5, 239.0)
     """(u, v) where the centre is expected; each frame finds its own near it."""
     r_min_px: float = Field(63.0, gt=4.0, le=1e4)
+    """Radius inside which the picture shows the robot itself; lines are sought outside it."""
     r_max_px: float = Field(225.0, gt=8.0, le=1e4)
     """Radius of the rim, known from one still image (II, step 1)."""
     horizon_px: float = Field(0.0, ge=0.0, le=1e4)

@@ -13,23 +13,27 @@ class Encoder(Section):
     """The wheel encoders."""
 
     id: Id = "base"
+    """Names the encoders in keys."""
     protocol: Literal["omnivert", "ros_arduino_bridge", "roboclaw", "create2"] = "omnivert"
     """What the device speaks: deploy/encoder-protocol.md tells of each."""
     port: str = "/dev/ttyUSB0"
     """Any pyserial port or URL; a name in /dev/serial/by-id stays the same when the plug goes into another socket."""
     baud: int = Field(115200, ge=300, le=4_000_000)
+    """Bits per second on the line; as the device is set."""
     poll_rate_hz: float = Field(50.0, ge=1.0, le=1000.0)
-    """How often a device that must be asked is asked: ros_arduino_bridge and roboclaw."""
+    """How often a device that must be asked is asked, times a second: ros_arduino_bridge and roboclaw."""
     address: int = Field(128, ge=128, le=135)
-    """Of a roboclaw, 128 to 135."""
+    """Of a roboclaw on its line."""
     wheel_diameter_m: float = Field(0.15, ge=0.01, le=2.0)
+    """Diameter of the driven wheels, under load: rho is as right as this."""
     ticks_per_rev: Counts = Field(2000, ge=1, le=10_000_000)
     """Counts per turn of the wheel, gear included; need not be whole."""
     swap_sides: bool = False
     """true where the device calls the robot's right wheel left; a roboclaw's left is M1."""
     left_sign: Sign = 1
-    """-1 where this side's raw count falls when the robot drives forward."""
+    """-1 where this side's raw count falls when the robot drives forward; after swap_sides."""
     right_sign: Sign = 1
+    """The same of the right wheel."""
     counter_bits: int = Field(32, ge=8, le=63)
     """Width of the device's counters, for undoing their rollover; other protocols than omnivert know theirs."""
     max_speed_m_s: float = Field(5.0, gt=0.0, le=100.0)

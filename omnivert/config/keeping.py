@@ -20,6 +20,8 @@ def _nothing_or(least: float) -> AfterValidator:
 
 
 class Storage(Section):
+    """Where calibrated extrinsics are kept."""
+
     path: Annotated[Path, Strict(False)] = Path("extrinsics.db")
     """The SQLite file; relative to the working directory."""
     locked_s: float = Field(2.0, gt=0.0, le=60.0)

@@ -21,6 +21,7 @@ class Vision(Section):
     }
 
     mode: Literal["default", "paper"] = "default"
+    """paper: extraction and matching as printed; default: what measured better."""
     ring_search_px: float = Field(20.0, ge=1.0, le=500.0)
     """How far from the expected centre the ring is looked for first."""
     ring_min_quality: float = Field(0.30, ge=0.0, le=1.0)

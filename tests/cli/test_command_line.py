@@ -18,6 +18,7 @@ from omnivert.cli.app import app
 from omnivert.cli.explain import explanations
 from omnivert.cli.robot.show_config import annotated
 from omnivert.config import Config, parsed
+from omnivert.errors import UseError
 
 OMNIVERT = (sys.executable, "-c", "from omnivert.cli import main; main()")
 
@@ -209,6 +210,26 @@ def test_the_printed_configuration_is_the_configuration() -> None:
     assert parsed(tomllib.loads(text), "printed") == config
     assert 'id = "r2"  # default: "demo"' in text
     assert parsed(tomllib.loads(annotated(Config())), "printed") == Config()
+
+
+def test_the_printed_configuration_fits_a_terminal_and_tells_what_may_be_set() -> None:
+    """What it calls the most is: a larger number is refused."""
+    lines = annotated(Config()).splitlines()
+    assert max(map(len, lines)) <= 100
+    assert 'protocol = "omnivert"  # "omnivert", "ros_arduino_bridge", "roboclaw", "create2"' in lines
+    assert "wheel_diameter_m = 0.15  # 0.01 to 2" in lines
+    table, told = "", 0
+    for line in lines:
+        if line.startswith("["):
+            table = line.strip("[]")
+        if found := re.fullmatch(r"(?:# )?(\w+) = (\S+)  # (above )?(\S+) to (\S+)", line):
+            name, value, above, low, high = found.groups()
+            kind = type(json.loads(value))
+            for wrong in (kind(float(high) * 1.1 + 1), kind(float(low) - 1), *((kind(float(low)),) if above else ())):
+                with pytest.raises(UseError):
+                    parsed({table: {name: wrong}}, "a test")
+            told += 1
+    assert told > 60
 
 
 @pytest.mark.parametrize("first", ["default", "paper"])

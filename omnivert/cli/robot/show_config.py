@@ -1,8 +1,9 @@
 """`omnivert config`: the settings in force as a TOML file, each with its meaning."""
 
 import json
-import textwrap
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic.fields import FieldInfo
 
 from omnivert.cli import say
 from omnivert.cli.settings import ConfigOption, JsonOption, settings
@@ -20,7 +21,7 @@ def config(path: ConfigOption = None, as_json: JsonOption = False) -> None:
 
 def annotated(config: Config) -> str:
     """The settings as TOML, meaning and unit of each above it."""
-    lines = ["# omnivert's settings. A line that is left out takes its default; those commented out follow the mode."]
+    lines = ["# omnivert's settings. A line left out takes its default; those commented out follow the mode."]
     for name, field in type(config).model_fields.items():
         table = getattr(config, name)
         lines += ["", f"[{name}]"]
@@ -37,16 +38,37 @@ def _rows(table: Section) -> list[str]:
         value = getattr(table, name)
         rows += _comment(field.description or "")
         usual = getattr(by_mode if name in table.PAPER else default, name)
-        if name in table.PAPER and value == usual:
-            rows.append(f"# {name} = {_toml(value)}")
-        else:
-            rows.append(f"{name} = {_toml(value)}" + (f"  # default: {_toml(usual)}" if value != usual else ""))
+        mode = "# " if name in table.PAPER and value == usual else ""
+        told = [f"default: {_toml(usual)}" if value != usual else "", _range(field)]
+        also = "; ".join(filter(None, told))
+        row = f"{mode}{name} = {_toml(value)}"
+        if len(row) + len(also) + 4 > say.COLUMNS:  # above it then
+            rows += _comment(also)
+            also = ""
+        rows.append(row + (also and f"  # {also}"))
     return rows
 
 
+def _range(field: FieldInfo) -> str:
+    """Which values it takes; "" where its form says so."""
+    if get_origin(field.annotation) is Literal:
+        return ", ".join(map(_toml, get_args(field.annotation)))
+    bounds = {
+        name: _number(bound)
+        for name in ("gt", "ge", "le")
+        for of in field.metadata
+        if (bound := getattr(of, name, None)) is not None
+    }
+    low = bounds.get("ge", f"above {bounds.get('gt', '')}")
+    return f"{low} to {bounds['le']}" if "le" in bounds else ""
+
+
+def _number(value: Any) -> str:
+    return str(int(value)) if float(value).is_integer() else f"{value:g}"
+
+
 def _comment(text: str) -> list[str]:
-    words = " ".join(text.split())
-    return [f"# {line}" for line in textwrap.wrap(words, 110)]
+    return [f"# {line}" for line in say.folded(" ".join(text.split()), columns=say.COLUMNS - 2)]
 
 
 def _toml(value: Any) -> str:
