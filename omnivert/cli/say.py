@@ -19,6 +19,7 @@ from omnivert.errors import OmnivertError
 T = TypeVar("T")
 
 COLUMNS = 100  # of what is told in sentences, and of tables
+MUCH_BYTES = 5_000_000
 
 PLAIN = {
     "±": "+-", "✓": "v", "✗": "x", "–": "-", "·": "|", "─": "-", "━": "-", "▶": ">", "°": " deg", "φ": "phi",
@@ -86,7 +87,10 @@ def following(command: str) -> None:
 
 
 def wrote(path: Path) -> None:
-    story(f"wrote   {escape(str(path))}")
+    """A file or a folder, and how large it is where that is much."""
+    size = sum(file.stat().st_size for file in ([path] if path.is_file() else path.glob("*")))
+    told = f"   {size / 1e6:.0f} MB" if size >= MUCH_BYTES else ""
+    story(f"wrote   {escape(f'{path}{told}')}")
 
 
 def result(text: str) -> None:
