@@ -1,5 +1,6 @@
 """Any source of `cv2.VideoCapture`, or a folder of images -> frames, and what happens to it."""
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ CameraEvent = Frame | Opened | Described | Lost | Refused | Finished
 
 
 def opencv_capture(source: int | str) -> Capture:
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # a broken stream makes FFmpeg talk at every frame
     if isinstance(source, str) and "://" in source:
         # Without a limit a sender that has vanished is waited for half a minute.
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, NETWORK_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, NETWORK_MS]

@@ -1,11 +1,14 @@
 """What a live camera tells of itself, whose stamp its frames carry, and real streams of the network."""
 
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -209,3 +212,15 @@ def test_a_look_tells_rate_gap_and_size_or_why_there_is_nothing(tmp_path: Any) -
     assert "exposure 15.6 ms fixed" in seen.told
     nothing = look(Camera(source=str(tmp_path / "away"), reopen_s=0.01), patience_s=0.1)
     assert (nothing.frames, nothing.rate_hz, nothing.reason) == (0, None, "is not there")
+
+
+def test_what_a_broken_source_makes_ffmpeg_say_reaches_nobody(tmp_path: Path) -> None:
+    """In a process of its own: FFmpeg is told once how much to say."""
+    cut = tmp_path / "cut.mp4"
+    cut.write_bytes(b"\x00\x00\x00\x20ftypisom\x00\x00\x02\x00isomiso2avc1mp41")
+    see = (
+        "import sys; from omnivert.config import Camera; from omnivert.drivers.camera_look import look;"
+        "print(look(Camera(source=sys.argv[1])).reason)"
+    )
+    seen = subprocess.run([sys.executable, "-c", see, str(cut)], capture_output=True, text=True, timeout=60.0)
+    assert (seen.stdout, seen.stderr) == ("is no video that OpenCV can read\n", "")
