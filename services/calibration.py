@@ -89,6 +89,9 @@ class _Desk:
                     return
                 if admission is Admission.FRESH:
                     self._begin()
+                if isinstance(message, Bearings) and self._hears_another_vision_than(received.publisher):
+                    self._bus.refuse(f"{received.key}: from another vision than the one that is heard")
+                    return
                 self._run = received.run
                 self._take(message, received)
 
@@ -143,6 +146,10 @@ class _Desk:
             case Extrinsics() if not self._is_loop:  # the same drive once more is no further evidence
                 self._bus.publish(EXTRINSICS, result, cause=cause)
                 self.claims.claim(result, cause, time.monotonic())
+
+    def _hears_another_vision_than(self, publisher: bytes) -> bool:
+        """Two visions of one camera give the same lines other names, each their own."""
+        return publisher != self._vision and self._bus.alive(self._vision)
 
     def _told_apart(self, bearings: Bearings, received: Received) -> Bearings:
         """A vision service that has come anew counts its tracks from 0 again; these are other lines."""

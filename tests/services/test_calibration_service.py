@@ -202,6 +202,21 @@ def test_the_tracks_of_a_vision_service_that_came_anew_are_other_tracks(bus: Qui
     assert seen == {7, 7 + 2**40}
 
 
+def test_of_two_visions_the_first_is_heard_until_it_has_gone(bus: QuietBus) -> None:
+    drive = Drive(desk_on(bus), b"run-1")
+    bus.here = {b"vision-1", b"vision-2"}
+    for ms in range(0, 200, 20):
+        drive.says(Ticks(ms * MS, ms, ms))
+        for vision in (b"vision-1", b"vision-2"):
+            drive.says(bearings(ms * MS), vision)
+    bus.here = {b"vision-2"}
+    drive.plays(200, 400, vision=b"vision-2")
+    seen = [(m.stamp_ns // MS, int(m.track_id[0])) for m in NotingCalibrator.made[0].given if isinstance(m, Bearings)]
+    assert seen == [(ms, 7 + (2**40 if ms >= 200 else 0)) for ms in range(0, seen[-1][0] + 20, 20)]
+    assert seen[-1][0] > 300
+    assert bus.refused == {"v1/vision/front/bearings: from another vision than the one that is heard": 10}
+
+
 def test_at_the_end_of_a_playback_everything_that_waits_goes_through(bus: QuietBus) -> None:
     drive = Drive(desk_on(bus), b"run-1")
     drive.plays(0, 100)
