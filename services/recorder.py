@@ -14,6 +14,7 @@ from omnivert.errors import DataError
 from omnivert.messages import Frame, Health, Scan, Ticks
 from omnivert.wire.bus import Bus
 from omnivert.wire.channels import CHANNELS
+from omnivert.wire.envelope import missing_between
 from omnivert.wire.received import Received
 from omnivert.wire.sources import Admission, Sources
 from services import _start
@@ -90,10 +91,11 @@ class _Numbers:
         """How many between the one before it and this one."""
         who = (received.key, received.publisher)
         last = self._last.pop(who, received.sequence - 1)
-        self._last[who] = max(last, received.sequence)
+        missing = missing_between(last, received.sequence)
+        self._last[who] = last if missing is None else max(last, received.sequence)
         if len(self._last) > _MAX_PUBLISHERS:
             self._last.popitem(last=False)
-        return max(received.sequence - last - 1, 0)
+        return missing or 0
 
 
 def admitted(bus: Bus, sources: Sources, received: Received) -> bool:

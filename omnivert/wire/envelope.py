@@ -13,6 +13,7 @@ from typing import Self
 _FORM = struct.Struct("<4s8s8sIQqB")
 _MAGIC = b"OVE1"
 _REPLAY = 1
+_MOST_LOST = 10**7  # at 100 Hz a day's; a number that is farther ahead is wrong
 
 
 def _this_boot() -> int:
@@ -58,3 +59,9 @@ class Envelope:
         if magic != _MAGIC:
             return None
         return cls(incarnation, run, sequence, sent_ns, bool(flags & _REPLAY), clock)
+
+
+def missing_between(last: int, sequence: int) -> int | None:
+    """How many messages are missing between two that follow each other; None where the second number is wrong."""
+    missing = max(sequence - last - 1, 0)
+    return missing if missing <= _MOST_LOST else None

@@ -6,7 +6,7 @@ from collections import Counter, OrderedDict, deque
 import numpy as np
 
 from omnivert.messages import Health
-from omnivert.wire.envelope import Envelope
+from omnivert.wire.envelope import Envelope, missing_between
 
 _MAX_KEYS = 200  # distinct keys, and reasons, that are counted apart
 _MAX_SPEAKERS = 1000  # publishers whose sequence numbers are remembered
@@ -45,9 +45,10 @@ class Meter:
                     _count(self._restarts, key)
                 self._last[speaker] = envelope.sequence
             elif envelope.sequence > last:
-                if envelope.sequence > last + 1:
-                    _count(self._gaps, key, envelope.sequence - last - 1)
-                self._last[speaker] = envelope.sequence
+                if (missing := missing_between(last, envelope.sequence)) is not None:
+                    if missing:
+                        _count(self._gaps, key, missing)
+                    self._last[speaker] = envelope.sequence
             else:
                 _count(self._reordered, key)
             self._speaker[key] = envelope.incarnation

@@ -147,6 +147,11 @@ def test_what_did_not_come_is_counted_by_the_numbers(sequence: Any, publishers: 
     assert missing == (1 + (publishers == "two")) * (sequence[-1] - sequence[0] + 1 - len(sequence))
 
 
+def test_a_number_that_is_out_of_all_reason_tells_of_no_loss() -> None:
+    numbers, one = _Numbers(), Received(TICKS, "k", Ticks(0, 0, 0), 0, False, b"a", b"a", 0)
+    assert [numbers.missing_before(replace(one, sequence=n)) for n in (3, 2**64 - 1, 5, 6)] == [0, 0, 1, 0]
+
+
 class Disk:
     """Stands before `Parts.put`: counts what has been written of sensors, and takes nothing while it is slow."""
 

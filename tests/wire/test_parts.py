@@ -155,6 +155,15 @@ def test_what_is_missing_by_number_is_counted(numbers: Any) -> None:
     assert not health(meter).reordered
 
 
+@given(st.integers(2**32, 2**64 - 1))
+def test_a_number_that_is_out_of_all_reason_tells_of_no_loss(wrong: int) -> None:
+    meter = Meter("vision", "front", 0)
+    for number in (3, wrong, 5, 6):
+        meter.received("k", Envelope(A, A, number, 0))
+    found = health(meter)
+    assert (found.received, found.gaps, found.reordered) == ({"k": 4}, {"k": 1}, {})
+
+
 def test_what_comes_twice_or_late_and_from_another_process_is_counted_apart() -> None:
     meter = Meter("vision", "front", 0)
     for who, number in ((A, 5), (A, 5), (A, 4), (A, 6), (B, 0), (B, 1)):
