@@ -23,8 +23,11 @@ def posted(channel: Channel, pattern: str, inbox: Inbox, meter: Meter, max_bytes
 
     def post(sample: Any) -> None:
         key = str(sample.key_expr)
-        name = key if len(key) <= 64 else pattern
+        name = key if len(key) <= 64 and key.isprintable() else pattern
         try:
+            if "*" in key:  # a message to all who listen to one of many keys is nobody's
+                meter.refused(f"{pattern}: sent to a pattern of keys")
+                return
             attachment = sample.attachment
             envelope = Envelope.unpacked(attachment.to_bytes()) if attachment is not None else None
             if len(sample.payload) > max_bytes:

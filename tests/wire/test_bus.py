@@ -197,6 +197,31 @@ def test_whatever_strangers_put_on_a_key_is_counted_and_the_stream_goes_on(confi
 
 
 @pytest.mark.usefixtures("router")
+@pytest.mark.parametrize("pattern", ["v1/**", "v1/*/*/ticks", "v1/encoder/ba$*/ticks"])
+def test_what_is_sent_to_a_pattern_of_keys_is_nobodys_message(config: Config, pattern: str) -> None:
+    settings = module._zenoh_config(client_settings(config))
+    with Bus(config, "vision", "front") as a, Bus(config, "bridge", "front") as b, zenoh.open(settings) as stranger:
+        heard = a.listen(TICKS)
+        met(a, b)
+        stranger.put(pattern, encode(Ticks(1, 1, 1)), attachment=Envelope(b"s" * 8, b"s" * 8, 0, 0).packed())
+        wait(lambda: health_of(a).refused == {f"{TICKS.key(config)}: sent to a pattern of keys": 1})
+        b.publish(TICKS, Ticks(5, 5, 5))
+        assert numbers(until(heard, lambda r: True)) == [5]
+
+
+@pytest.mark.usefixtures("router")
+@pytest.mark.parametrize("name", ["\x1b[2J", "x" * 100])
+def test_a_key_that_no_screen_should_show_goes_by_its_pattern(config: Config, name: str) -> None:
+    settings = module._zenoh_config(client_settings(config))
+    with Bus(config, "monitor", "x") as a, zenoh.open(settings) as stranger:
+        heard = a.listen(HEALTH)
+        attachment = Envelope(b"s" * 8, b"s" * 8, 0, 0).packed()
+        stranger.put(f"v1/vision/{name}/health", encode(Health(1, "vision", "odd", 0.0)), attachment=attachment)
+        last = until(heard, lambda r: isinstance(r.message, Health) and r.message.instance == "odd")[-1]
+        assert last.key == HEALTH.key(config)
+
+
+@pytest.mark.usefixtures("router")
 def test_messages_that_are_too_large_are_neither_sent_nor_taken(config: Config) -> None:
     small = config.model_copy(update={"bus": config.bus.model_copy(update={"max_message_bytes": 1024})})
     with Bus(small, "vision", "front") as a, Bus(config, "bridge", "front") as b:
