@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from omnivert.cli.app import app
 from omnivert.doctor.finding import Finding, Status
+from omnivert.doctor.recorded import told
 from omnivert.doctor.report import Report
 from omnivert.doctor.stream import Stream
 from omnivert.doctor.table import checked
-from omnivert.messages import Bearings, Looks, MeetingPoint, PixelFormat, Ring, Ticks
+from omnivert.messages import Bearings, Looks, MeetingPoint, PixelFormat, Ring, State, Ticks
 from omnivert.vision.frontend import FrontEnd
 from tests.doctor.conftest import Told
 
@@ -241,6 +242,13 @@ def test_a_camera_whose_clock_alone_is_set_stops(corridor: Told) -> None:
     clock = finding(alone, "clock")
     assert clock.status is Status.STOPS
     assert clock.fact.startswith("the camera's stamps jump by 15 s")
+
+
+def test_wheel_counts_of_another_time_than_every_frame_leave_the_calibration_nothing(corridor: Told) -> None:
+    late = [replace(t, stamp_ns=t.stamp_ns + 1000 * S) for t in corridor.ticks]
+    looked = told(corridor.config, corridor.evidence.seen, late)
+    assert looked is not None
+    assert looked.state is State.NOT_YET
 
 
 def test_a_silence_of_the_wheel_counts_at_rest_is_no_fault(corridor: Told) -> None:

@@ -80,6 +80,8 @@ class Batch:
         return Outcome(result, self._all_centres(), self._seen, self._share, self._wrong, self._keyframes)
 
     def _solved(self) -> Result | None:
+        if not self.size:
+            return None
         posed = self._posed()
         problem = posed.problem
         if problem.lines < 1 or problem.frames < 8 or problem.beta.size < 3 * problem.lines:
