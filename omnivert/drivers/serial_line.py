@@ -1,5 +1,6 @@
 """A serial port that may be unplugged and plugged in again: the only module that knows one."""
 
+import errno
 import os
 import termios
 import time
@@ -100,9 +101,15 @@ def _close(port: serial.SerialBase) -> None:
 
 def _words(error: Exception) -> str:
     """The cause without pyserial's wrapping."""
-    number = getattr(error, "errno", None)
+    number, text = getattr(error, "errno", None), str(error)
+    if number == errno.EAGAIN:
+        return "another program reads it"
     if number is not None:
         return os.strerror(number)
-    if "returned no data" in str(error):
+    if "returned no data" in text:
         return "unplugged"
-    return str(error).rpartition("Errno")[0].rstrip(" [:") or str(error)
+    if "Inappropriate ioctl" in text:
+        return "it is no serial port"
+    if text.startswith("Could not open port") and "[Errno" not in text:  # what is wrong with an URL it does not say
+        return "it is no address like socket://HOST:PORT"
+    return text.rpartition("[Errno")[2].partition("] ")[2] or text

@@ -125,11 +125,25 @@ def test_a_port_that_another_program_reads_is_refused(device: Device, config: En
     stop, line = Event(), EncoderLine(config)
     first, second = pieces(config, stop, line), pieces(config, stop, line)
     assert next(first) == Opened()
-    lost = next(second)
-    assert isinstance(lost, Lost)
-    assert "lock" in lost.reason or "unavailable" in lost.reason
+    assert next(second) == Lost("does not open: another program reads it")
     stop.set()
     assert list(first) == list(second) == []
+
+
+@pytest.mark.parametrize(
+    ("port", "why"),
+    [
+        ("/dev/null", "it is no serial port"),
+        ("socket://127.0.0.1:1", "Connection refused"),
+        ("rfc2217://127.0.0.1:1", "Connection refused"),
+        ("socket://somewhere", "it is no address like socket://HOST:PORT"),
+        ("socket://127.0.0.1:999999", "it is no address like socket://HOST:PORT"),
+        ("nothing://somewhere", "invalid URL, protocol 'nothing' not known"),
+    ],
+)
+def test_why_a_port_does_not_open_is_said_in_words(port: str, why: str) -> None:
+    config = Encoder(port=port)
+    assert next(pieces(config, Event(), EncoderLine(config))) == Lost(f"does not open: {why}")
 
 
 def test_the_default_pause_between_attempts_keeps_the_second() -> None:
