@@ -17,6 +17,7 @@ BITS_PER_BYTE = 10  # start and stop with it
 SECOND = 10**9
 ANSWER_NS = 100_000_000  # no answer comes after that
 GAP_NS = 20_000_000  # nor does one that has paused for so long go on
+LONGEST_NS = SECOND  # what goes on without a pause for so long is no answer
 BEGIN_AGAIN_NS = SECOND  # a stream that is silent for so long is asked for again
 STALLED_NS = SECOND // 2  # what had to wait in the port for so long was sent at any time
 
@@ -90,7 +91,7 @@ class Asked:
 
     def _is_silent(self, now_ns: int) -> bool:
         """Whether no answer will come any more, or no more of one."""
-        if self._heard_ns > self._asked_ns:
+        if self._heard_ns > self._asked_ns and now_ns - self._asked_ns <= LONGEST_NS:
             return now_ns - self._heard_ns > GAP_NS
         return now_ns - self._asked_ns > ANSWER_NS
 

@@ -154,6 +154,22 @@ def test_nobody_is_asked_before_the_last_answer_is_there_or_given_up(protocol: s
     assert line.refused == {}  # whoever has never answered is silent, and that is said elsewhere
 
 
+def test_a_device_that_talks_on_without_an_end_is_asked_again_and_counted() -> None:
+    """A Create's stream, for one: a packet every 15 ms, and never the end of a line."""
+    line = EncoderLine(config_of("ros_arduino_bridge"))
+    packets = Create2Device(Wheels())
+    for byte in (148, 2, 43, 44):
+        packets.hear(byte, 0)
+    asked = 0
+    for now_ns in range(0, 5 * SECOND, 15 * MS):
+        asked += bool(line.question(now_ns))
+        packets.live(now_ns)
+        while packets.out:
+            assert line.step(packets.out.popleft().data.replace(b"\n", b"."), now_ns + MS) == []
+    assert 4 <= asked <= 6
+    assert line.refused == {"answer cut off": asked - 1}
+
+
 def test_a_device_without_a_clock_is_believed_nothing_across_a_replug() -> None:
     line, device = EncoderLine(config_of("roboclaw")), RoboClawDevice(Wheels())
     before = talk(line, device, 0)[0]
