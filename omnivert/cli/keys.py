@@ -7,11 +7,12 @@ import termios
 import threading
 import tty
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 UP, DOWN, RIGHT, LEFT = (b"\x1b[" + letter for letter in (b"A", b"B", b"C", b"D"))
 ESCAPE = b"\x1b"
 HUNG_UP = b""  # the terminal has gone, no key will come
+_LOOK_S = 0.2  # how often it is looked whose the terminal is
 _APPLICATION = b"\x1bO"  # how terminals begin the same arrows in their other mode
 
 
@@ -34,23 +35,36 @@ def keys(actions: Mapping[bytes, Callable[[], None]]) -> Iterator[bool]:
         if thread.is_alive():
             thread.join()
         os.close(over)
-        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
+        if _is_in_front(terminal):
+            with suppress(termios.error):  # it has gone
+                termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
 
 def _has_keys() -> bool:
     """Whether a person sits there: in the background, to touch the terminal would stop this process."""
     try:
-        terminal = sys.stdin.fileno()
-        return sys.stdin.isatty() and sys.stderr.isatty() and os.tcgetpgrp(terminal) == os.getpgrp()
+        return sys.stdin.isatty() and sys.stderr.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
     except (OSError, ValueError, AttributeError):  # closed
         return False
 
 
+def _is_in_front(terminal: int) -> bool:
+    """Whether keys are for this process: after ctrl-z they are the shell's. True for one that has gone, which tells."""
+    try:
+        return os.tcgetpgrp(terminal) == os.getpgrp()
+    except OSError:
+        return True
+
+
 def _listen(terminal: int, over: int, actions: Mapping[bytes, Callable[[], None]]) -> None:
     while True:
-        ready, _, _ = select.select([terminal, over], [], [])
+        if in_front := _is_in_front(terminal):
+            _take_single_keys(terminal)
+        ready, _, _ = select.select([terminal, over] if in_front else [over], [], [], _LOOK_S)
         if over in ready:
             return
+        if not ready or not _is_in_front(terminal):
+            continue
         try:
             typed = os.read(terminal, 64)
         except OSError:
@@ -60,6 +74,13 @@ def _listen(terminal: int, over: int, actions: Mapping[bytes, Callable[[], None]
                 actions[key]()
         if typed == HUNG_UP:
             return
+
+
+def _take_single_keys(terminal: int) -> None:
+    """Again after ctrl-z and fg, between which the shell has set the terminal as it was before."""
+    with suppress(termios.error):
+        if termios.tcgetattr(terminal)[3] & termios.ICANON:
+            tty.setcbreak(terminal, termios.TCSANOW)
 
 
 def _parted(typed: bytes) -> Iterator[bytes]:

@@ -43,6 +43,15 @@ class Terminal:
     def type(self, key: bytes) -> None:
         os.write(self._ours, key)
 
+    def await_shown(self, text: str, again: bytes = b"") -> None:
+        """Waits until it has shown this; types `again` meanwhile."""
+        deadline = time.monotonic() + 10.0
+        while text.encode() not in self._shown:
+            assert time.monotonic() < deadline, self._shown
+            if again:
+                self.type(again)
+            self._reader.join(0.05)
+
     def settings(self) -> list[object]:
         return termios.tcgetattr(self._ours)
 
@@ -153,6 +162,63 @@ def test_what_plays_in_the_background_leaves_the_terminal_alone(tmp_path: Path) 
     os.close(theirs)
     os.close(ours)
     assert out.strip().endswith(b"False")
+
+
+KEYS = """import sys, threading
+from omnivert.cli.keys import keys
+done, heard = threading.Event(), []
+with keys({b" ": lambda: print("heard", flush=True), b"q": done.set}):
+    print("listens", flush=True)
+    try:
+        done.wait()
+    except KeyboardInterrupt:
+        pass
+print("en" + "ded", flush=True)
+"""
+
+
+@pytest.fixture
+def shell(tmp_path: Path) -> Iterator[Terminal]:
+    """An interactive shell, in which `python k.py` listens to keys."""
+    (tmp_path / "k.py").write_text(KEYS)
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        ["bash", "--norc", "-i"],
+        cwd=tmp_path,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[2]), "PS1": "> ", "TERM": "dumb"},
+    )
+    try:
+        terminal = Terminal(process, ours)
+        terminal.type(f"{sys.executable} k.py\n".encode())
+        terminal.await_shown("listens")
+        yield terminal
+    finally:
+        process.kill()
+        process.wait()
+        os.close(theirs)
+        os.close(ours)
+
+
+def test_after_ctrl_z_and_fg_keys_are_heard_as_before(shell: Terminal) -> None:
+    shell.type(b"\x1a")
+    shell.await_shown("Stopped")
+    shell.type(b"fg\n")
+    shell.await_shown("heard", again=b" ")
+    shell.type(b"q")
+    shell.await_shown("ended")
+
+
+def test_in_the_background_it_ends_without_the_terminal(shell: Terminal) -> None:
+    shell.type(b"\x1a")
+    shell.await_shown("Stopped")
+    shell.type(b"bg\n")
+    shell.type(b"kill -INT %1; wait\n")
+    shell.await_shown("ended")
 
 
 def test_up_shows_how_far_a_playback_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
