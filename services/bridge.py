@@ -129,11 +129,14 @@ class Silence:
         self._after_s = after_s
         self._heard_s = time.monotonic()
         self._away = False
+        self._how = "has not answered"  # some senders keep who connects waiting
         self._said: str | None = None
 
     def device(self, lost: str | None) -> None:
         """The device is lost for this reason, or there again."""
         self._away = lost is not None
+        if not self._away:
+            self._how = "is open and has given nothing usable"
         self._heard_s = time.monotonic()
         self._bus.note(f"{self._device}: {self._place} {lost}" if lost else None, self._device)
         if lost != self._said:
@@ -147,9 +150,7 @@ class Silence:
             self._heard_s = now_s
         silent = not self._away and now_s - self._heard_s > self._after_s
         self._bus.note(
-            f"{self._device}: {self._place} is open and has given nothing usable for {now_s - self._heard_s:.0f} s"
-            if silent
-            else None,
+            f"{self._device}: {self._place} {self._how} for {now_s - self._heard_s:.0f} s" if silent else None,
             f"{self._device} silence",
         )
 

@@ -217,6 +217,8 @@ def test_a_camera_that_is_away_is_not_said_to_be_open(config: Config, monkeypatc
     notes: dict[str, str | None] = {}
     bus: Any = SimpleNamespace(note=lambda text, about: notes.update({about: text}))
     silence = bridge.Silence(bus, "camera", "images", after_s=-1.0)  # whatever is silent has been so for too long
+    silence.step(heard=False)
+    assert "images has not answered for" in str(notes["camera silence"])
     monkeypatch.setattr(bridge, "camera_events", lambda *_: [Lost("is not there")])
     bridge.read_camera(bus, config, threading.Event(), Newest(), threading.Event(), silence)
     silence.step(heard=False)
