@@ -67,6 +67,15 @@ def test_the_command_to_type_next_takes_any_name(omnivert: Any, straight: Path, 
         assert again.code == 0 or "error[OV1" in again.err, again  # it is found; two seconds do not calibrate
 
 
+def test_info_shows_names_that_a_terminal_would_obey_without_their_power(omnivert: Any, tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "a.mcap", Config()) as writer:
+        writer.write("v1/encoder/base/ticks", Ticks(1, 1, 1))
+        writer.write("v1/\x1b[2J\x9b2J/x/health", Health(1, "x", "x", 1.0))
+    ran = omnivert("rec", "info", tmp_path / "a.mcap")
+    assert "v1/ [2J 2J/x/health" in ran.out
+    assert ran.out.replace("\n", "").isprintable()
+
+
 def test_info_finds_gaps_damage_and_what_the_recorder_had_lost(omnivert: Any, tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "a.mcap", Config()) as writer:
         for i in range(400):

@@ -12,6 +12,7 @@ from omnivert.cli.offline.results import aligned
 from omnivert.config import Config
 from omnivert.messages import Bearings, Frame, Health, Ticks
 from omnivert.odometry import Odometer
+from omnivert.pictures.words import printable
 from omnivert.wire.channels import TICKS
 from omnivert.wire.codec import WireError, decode
 
@@ -117,7 +118,7 @@ class Inventory:
             span = f"{stream.begins_s:.2f}", f"{stream.ends_s:.2f}", f"{stream.bytes / 1e6:.2f}"
             gap = f"{1e3 * stream.longest_gap_s:.0f} ms"
             table.append((stream.key, f"{stream.count}", f"{stream.rate_hz:.2f}", gap, lacking, *span, ""))
-        return [*out, "", *aligned(table)]
+        return [printable(line) for line in (*out, "", *aligned(table))]  # names in it may be anybody's
 
     def _health(self) -> str:
         faults = [f"{self.damaged} damaged"] if self.damaged else []
