@@ -137,6 +137,16 @@ def test_an_environment_that_lacks_something_is_refused_in_one_line(tmp_path: Pa
     assert "\n" not in str(refused.value)
 
 
+def test_an_interpreter_beside_one_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "some-python").write_text("#!/bin/sh\nexit 0\n")
+    (tmp_path / "some-python").chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    assert peers_python(Path("some-python")) == tmp_path / "some-python"
+    with pytest.raises(DataError, match="cannot run on") as refused:
+        peers_python(Path("none-such"))
+    assert refused.value.because == "No such file or directory"
+
+
 def test_an_environment_that_cannot_be_made_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

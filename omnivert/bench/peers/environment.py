@@ -23,6 +23,7 @@ def peers_python(given: Path | None, story: Callable[[str], None] = lambda _: No
     raises  DataError when the one given lacks something, or none can be made
     """
     if given is not None:
+        given = given.absolute()  # a bare name would be sought on the path
         because = _lacking(given)
         if because:
             raise DataError("OV220", f"the peers cannot run on {given}", because, f"pip install {PACKAGES[0]!r}")
@@ -59,7 +60,7 @@ def _lacking(python: Path) -> str:
     try:
         ran = subprocess.run([python, "-c", PROBE], capture_output=True, text=True, timeout=PROBE_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        return str(error)
+        return _why(error)
     return "" if ran.returncode == 0 else _last_line(ran.stderr) or f"it ends with {ran.returncode}"
 
 
@@ -67,10 +68,14 @@ def _ran(command: Sequence[str], folder: Path) -> None:
     try:
         ran = subprocess.run(command, capture_output=True, text=True, timeout=INSTALL_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise DataError("OV220", f"the peers' environment in {folder} cannot be made", str(error), HELP) from error
+        raise DataError("OV220", f"the peers' environment in {folder} cannot be made", _why(error), HELP) from error
     if ran.returncode != 0:
         because = _last_line(ran.stderr or ran.stdout) or f"{command[2]} ends with {ran.returncode}"
         raise DataError("OV220", f"the peers' environment in {folder} cannot be made", because, HELP)
+
+
+def _why(error: OSError | subprocess.TimeoutExpired) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
 def _last_line(text: str) -> str:
