@@ -50,7 +50,7 @@ def run(bus: Bus, config: Config, exit_when_done: bool = False) -> None:
             note_size(bus, config, frame)
         elif done and exit_when_done:
             break
-        silence.step(heard=frame is not None or done)
+        silence.step(heard=frame is not None, expected=not done)
         if frames.displaced > displaced:
             bus.refuse("camera: frame displaced by a newer one", frames.displaced - displaced)
             displaced = frames.displaced
@@ -120,7 +120,10 @@ def read_camera(
 
 
 class Silence:
-    """Tells health that a device is away, or there but silent; and who reads along, once, why, and when it is back."""
+    """Tells health that a device is away, or there but silent; and who reads along, once, why, and when it is back.
+
+    Back is who gives something usable: one that only opens and goes, twice a second, would fill the screen.
+    """
 
     def __init__(self, bus: Bus, device: str, place: str, after_s: float) -> None:
         self._bus = bus
@@ -139,20 +142,26 @@ class Silence:
             self._how = "is open and has given nothing usable"
         self._heard_s = time.monotonic()
         self._bus.note(f"{self._device}: {self._place} {lost}" if lost else None, self._device)
-        if lost != self._said:
-            _log.warning("%s: %s %s", self._device, self._place, lost if lost is not None else "is there again")
-            self._said = lost
+        if lost is not None:
+            self._say(lost)
 
-    def step(self, heard: bool) -> None:
-        """Something usable has come, or has not."""
+    def step(self, heard: bool, expected: bool = True) -> None:
+        """Something usable has come, or has not, although something is expected."""
         now_s = time.monotonic()
         if heard:
             self._heard_s = now_s
-        silent = not self._away and now_s - self._heard_s > self._after_s
+            if not self._away:  # else it was sent before
+                self._say(None)
+        silent = expected and not self._away and now_s - self._heard_s > self._after_s
         self._bus.note(
             f"{self._device}: {self._place} {self._how} for {now_s - self._heard_s:.0f} s" if silent else None,
             f"{self._device} silence",
         )
+
+    def _say(self, lost: str | None) -> None:
+        if lost != self._said:
+            _log.warning("%s: %s %s", self._device, self._place, lost if lost is not None else "is there again")
+            self._said = lost
 
 
 def note_size(bus: Bus, config: Config, frame: Frame) -> None:

@@ -227,15 +227,24 @@ def test_a_camera_that_is_away_is_not_said_to_be_open(config: Config, monkeypatc
     silence.step(heard=False)
     assert notes["camera"] is None
     assert "is open and has given nothing usable" in str(notes["camera silence"])
+    silence.step(heard=False, expected=False)
+    assert notes["camera silence"] is None
 
 
 def test_who_reads_along_learns_once_why_a_device_is_away(caplog: pytest.LogCaptureFixture) -> None:
     bus: Any = SimpleNamespace(note=lambda text, about: None)
     silence = bridge.Silence(bus, "encoder", "/dev/wheels", after_s=1.0)
-    for lost in (None, "does not open", "does not open", "permission denied", None, None):
+    for lost in (None, "does not open", "does not open", "permission denied", None, "permission denied", None, None):
         silence.device(lost)
+    silence.step(heard=False, expected=False)
     said = ["does not open", "permission denied", "is there again"]
+    assert caplog.messages == [f"encoder: /dev/wheels {text}" for text in said[:2]]  # it opened, and gave nothing
+    for _ in range(2):
+        silence.step(heard=True)
     assert caplog.messages == [f"encoder: /dev/wheels {text}" for text in said]
+    silence.device("is gone")
+    silence.step(heard=True)  # on its way meanwhile
+    assert caplog.messages[len(said) :] == ["encoder: /dev/wheels is gone"]
 
 
 def test_images_of_another_size_are_published_as_they_are_and_noted(bridged: Bridged, config: Config) -> None:
