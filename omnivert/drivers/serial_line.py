@@ -2,6 +2,7 @@
 
 import errno
 import os
+import socket
 import termios
 import time
 from collections.abc import Iterator
@@ -10,6 +11,8 @@ from threading import Event
 from typing import Protocol
 
 import serial
+import serial.rfc2217
+from serial.urlhandler import protocol_socket
 
 from omnivert.config import Encoder
 from omnivert.drivers.device import Lost, Opened
@@ -28,6 +31,25 @@ class Asker(Protocol):
 
     def idle_s(self, now_ns: int) -> float:
         """For so long nothing comes and nothing is to be sent."""
+
+
+class _Socket(protocol_socket.Serial):  # type: ignore[misc]  # pyserial has no types
+    """Tells how much is waiting; pyserial's own says only that something is, and so gives one byte at a time."""
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self._socket.recv(LARGEST, socket.MSG_PEEK)) if super().in_waiting else 0
+
+
+class _Rfc2217(serial.rfc2217.Serial):  # type: ignore[misc]  # pyserial has no types
+    """Its thread ends without a traceback on what is not of the protocol; whoever reads then hears of it."""
+
+    def _telnet_read_loop(self) -> None:
+        with suppress(Exception):
+            super()._telnet_read_loop()
+
+
+_KINDS = {"socket": _Socket, "rfc2217": _Rfc2217}
 
 
 def pieces(config: Encoder, stop: Event, asker: Asker) -> Iterator[bytes | Opened | Lost]:
@@ -67,7 +89,8 @@ def _opened(config: Encoder) -> serial.SerialBase:
     # Exclusive: two readers would each get half of the lines.
     quiet_s = min(QUIET_S, 1.0 / config.poll_rate_hz)
     write_s = None if "://" in config.port else WRITE_S  # not every URL's port knows it
-    port = serial.serial_for_url(config.port, config.baud, timeout=quiet_s, write_timeout=write_s, exclusive=True)
+    kind = _KINDS.get(config.port.partition("://")[0].lower(), serial.serial_for_url)
+    port = kind(config.port, config.baud, timeout=quiet_s, write_timeout=write_s, exclusive=True)
     with suppress(*TROUBLES, AttributeError):
         port.set_low_latency_mode(True)  # a USB adapter may keep what it has for 16 ms
     try:
@@ -112,4 +135,4 @@ def _words(error: Exception) -> str:
         return "it is no serial port"
     if text.startswith("Could not open port") and "[Errno" not in text:  # what is wrong with an URL it does not say
         return "it is no address like socket://HOST:PORT"
-    return text.rpartition("[Errno")[2].partition("] ")[2] or text
+    return text.rpartition("[Errno")[2].partition("] ")[2] or text.partition(" [")[0]

@@ -8,7 +8,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from threading import Event
@@ -16,6 +16,7 @@ from threading import Event
 import pytest
 import serial
 import serial.rfc2217
+from serial.urlhandler import protocol_socket
 
 from omnivert.config import Encoder
 from omnivert.drivers.device import Lost, Opened
@@ -249,6 +250,67 @@ def test_a_device_behind_the_network_is_read_and_asked(
     finally:
         server.close()
     assert ticks[-1].left > ticks[0].left
+
+
+@contextmanager
+def sending(data: bytes) -> Iterator[tuple[str, Event]]:
+    """A server that sends this to whoever connects first, once it is told to begin; its address."""
+    begin = Event()
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve() -> None:
+            client, _ = listening.accept()
+            with client, suppress(OSError):
+                begin.wait(DEADLINE_S)
+                client.sendall(data)
+                while client.recv(1000):  # until the other side closes
+                    pass
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"127.0.0.1:{listening.getsockname()[1]}", begin
+
+
+def test_of_the_network_all_that_waits_is_read_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One byte at a time, a jam of some seconds would hardly ever clear."""
+    reads: list[int] = []
+    read = protocol_socket.Serial.read
+
+    def counted(port: object, size: int) -> bytes:
+        reads.append(size)
+        return bytes(read(port, size))
+
+    monkeypatch.setattr(protocol_socket.Serial, "read", counted)
+    sizes: list[int] = []
+    with (
+        sending(bytes(100_000)) as (address, begin),
+        opened(config_at(f"socket://{address}", "omnivert")) as (stream, _),
+    ):
+        assert next(stream) == Opened()  # what came before is not read
+        begin.set()
+        while sum(sizes) < 100_000:
+            piece = next(stream)
+            assert isinstance(piece, bytes)
+            sizes.append(len(piece))
+    assert len(reads) < 1000
+
+
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial 3.5
+def test_what_is_not_of_rfc_2217_ends_no_thread_in_a_traceback(capfd: pytest.CaptureFixture[str]) -> None:
+    sound = threading.excepthook
+    ended: list[str] = []
+    threading.excepthook = lambda given: ended.append(str(given.exc_value))
+    try:
+        with (
+            sending(b"\xff\xf0\xff\xf0") as (address, begin),
+            opened(config_at(f"rfc2217://{address}?timeout=0.3", "omnivert")) as (stream, _),
+        ):
+            begin.set()
+            lost = next(stream)
+    finally:
+        threading.excepthook = sound
+    assert isinstance(lost, Lost)
+    assert lost.reason.startswith("does not open: ")
+    assert (ended, capfd.readouterr().err) == ([], "")
 
 
 def test_a_device_that_takes_nothing_is_not_waited_for_without_end(tmp_path: Path) -> None:
