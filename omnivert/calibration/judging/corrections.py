@@ -12,7 +12,8 @@ Flags = NDArray[np.bool_]
 
 NAMES = ("time_offset", "wheel_ratio", "wheel_base")
 PRIOR_STD = np.array([0.2, 0.1, 0.1])  # s, 1, 1: how far off a configuration may be
-SIGNIFICANT = 4.0  # sigmas from the configured value that free a correction, however badly it is seen
+SIGNIFICANT = 3.0  # sigmas from the configured value that free a correction, however badly it is seen
+STILL_SO = 2.0  # the same for one that is free
 FAR = 0.75  # of what a configuration may be off by: such wheels err in other ways, too, and sigmas are no measure
 KEPT = 1.5  # what was freed stays so until its sigma is above the limit by this factor
 
@@ -55,7 +56,8 @@ def freed(config: Config, before: Flags, information: Array, step: Array, at: Ar
     settings = config.calibration
     limits = np.array([settings.free_time_s, settings.free_ratio, settings.free_base])
     modes = (settings.time_offset, settings.wheel_ratio, settings.wheel_base)
-    found = (sigma <= limits * np.where(before, KEPT, 1.0)) | (np.abs(value) > SIGNIFICANT * sigma)
+    odd = np.abs(value) > np.where(before, STILL_SO, SIGNIFICANT) * sigma
+    found = odd | (sigma <= limits * np.where(before, KEPT, 1.0))
     return np.array([{"free": True, "held": False, "auto": bool(f)}[m] for m, f in zip(modes, found, strict=True)])
 
 

@@ -53,11 +53,18 @@ def test_settings_have_the_last_word() -> None:
     assert freed_at_first(held).tolist() == [False, False, True]
 
 
-def test_a_value_far_from_the_configured_one_is_freed_however_badly_it_is_seen() -> None:
+@pytest.mark.parametrize(
+    ("off", "was_free", "is_free"),
+    [(5.0, False, True), (-3.3, False, True), (2.7, False, False), (-2.7, True, True), (1.7, True, False)],
+)
+def test_a_value_far_from_the_configured_one_is_freed_however_badly_it_is_seen(
+    off: float, was_free: bool, is_free: bool
+) -> None:
+    """off  in its sigmas"""
     information = np.diag([1e6, 1e6, 1e6, 1.0 / 0.02**2, 1e2, 1e2])
-    step = np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
-    free = freed(Config(), np.zeros(3, dtype=np.bool_), information, step, np.zeros(3))
-    assert free.tolist() == [True, False, False]
+    step = np.array([0.0, 0.0, 0.0, 0.02 * off, 0.0, 0.0])
+    free = freed(Config(), np.array([was_free, False, False]), information, step, np.zeros(3))
+    assert free.tolist() == [is_free, False, False]
 
 
 @pytest.mark.parametrize(
