@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from omnivert.bench import calibration
-from omnivert.bench.calibration import calibration_times, exponent
+from omnivert.bench.calibration import CalibrationTimes, FilterPoint, StartPoint, calibration_times, exponent
+from omnivert.bench.spread import Spread
 from omnivert.cli.app import run
+from omnivert.cli.bench.app import _tell_calibration
 from omnivert.config import Config
 
 
@@ -45,3 +47,16 @@ def test_the_command_prints_one_object_and_draws_a_chart(
     assert body["filter"][0]["step"]["sobel_pairs"] > 0.0
     assert body["start"][0]["drive_s"] == 15.0
     assert (tmp_path / "charts" / "calibration-growth.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_growth_is_said_with_what_it_is_of(capsys: pytest.CaptureFixture[str]) -> None:
+    def spread(ms: float) -> Spread:
+        return Spread(ms, 2.0 * ms, 9)
+
+    filters = tuple(FilterPoint(lines, spread(1e-3 * lines**1.5), spread(0.1)) for lines in (10, 100, 400))
+    starts = tuple(StartPoint(seconds, 45, 0.01 * seconds, True) for seconds in (15.0, 120.0))
+    _tell_calibration(CalibrationTimes(spread(0.2), filters, starts))
+    told = capsys.readouterr().out
+    assert "from 100 to 400 lines the time grows as lines^1.5" in told
+    assert "from 15 to 120 s of driving the time grows as length^1.0" in told
+    assert "a Sobel pair, two filters over the whole frame, takes 0.20 ms here" in told

@@ -94,22 +94,28 @@ def calibration(
         _tell_calibration(times)
 
 
+def sobel_pair(ms: float) -> str:
+    """What times are measured in, so that those of two machines can be compared."""
+    return f"a Sobel pair, two filters over the whole frame, takes {ms:.2f} ms here"
+
+
 def _machine() -> str:
     return f"{platform.machine()} {platform.system()}, Python {platform.python_version()}"
 
 
 def _tell_calibration(times: "CalibrationTimes") -> None:
     yard = times.sobel_pair.median_ms
-    table = [("lines", "median ms", "p99 ms", "x Sobel pair", "watchdog ms", "")]
+    table = [("lines", "median ms", "p99 ms", "in Sobel pairs", "watchdog ms", "")]
     for point in times.filter:
         step = point.step
         figures = (f"{step.median_ms:.2f}", f"{step.p99_ms:.2f}", f"{step.median_ms / yard:.1f}")
         table.append((str(point.lines), *figures, f"{point.watchdog.median_ms:.2f}", ""))
     for row in results.aligned(table):
         say.result(row)
-    say.result(
-        f"a pair of Sobel filters takes {yard:.2f} ms; the last steps grow as lines to the {times.filter_exponent:.1f}"
-    )
+    if len(times.filter) > 1:
+        fewer, more = times.filter[-2].lines, times.filter[-1].lines
+        say.result(f"from {fewer} to {more} lines the time grows as lines^{times.filter_exponent:.1f}")
+    say.result(sobel_pair(yard))
     say.result("")
     starts = [("drive", "frames", "global start s", "")]
     for start in times.start:
@@ -118,7 +124,11 @@ def _tell_calibration(times: "CalibrationTimes") -> None:
         )
     for row in results.aligned(starts):
         say.result(row)
-    say.result(f"grows as length to the {times.start_exponent:.1f}")
+    if len(times.start) > 1:
+        shorter, longer = times.start[0].drive_s, times.start[-1].drive_s
+        say.result(
+            f"from {shorter:.0f} to {longer:.0f} s of driving the time grows as length^{times.start_exponent:.1f}"
+        )
 
 
 def _json(name: str, times: "PipelineTimes", over_bus: "Latency | None") -> dict[str, Any]:
@@ -145,21 +155,26 @@ def _latency_json(spread: Any) -> dict[str, Any]:
 
 def _tell(times: "PipelineTimes", over_bus: "Latency | None") -> None:
     yard = times.sobel_pair
-    table = [("step", "median ms", "p99 ms", "x Sobel pair", "")]
-    rows = [("sobel pair", yard), *times.stages.items(), ("vision, whole", times.vision)]
-    rows.append(("calibration, whole", times.calibration))
+    table = [("step", "median ms", "p99 ms", "in Sobel pairs", "")]
+    rows = [*times.stages.items(), ("vision, whole frame", times.vision)]
+    rows.append(("calibration, whole frame", times.calibration))
     if times.filter is not None:
-        rows.append(("filter alone", times.filter))
+        rows.append(("the filter of it", times.filter))
     for name, spread in rows:
         ratio = f"{spread.median_ms / yard.median_ms:.1f}"
         table.append((name, f"{spread.median_ms:.2f}", f"{spread.p99_ms:.2f}", ratio, ""))
     for row in results.aligned(table):
         say.result(row)
+    say.result(sobel_pair(yard.median_ms))
     if over_bus is None:
         return
     say.result("")
     latencies = [("over the bus", "p50 ms", "p99 ms", "")]
-    for name, spread in (("frame to bearings", over_bus.frame_to_bearings), ("raw zenoh round", over_bus.raw_round)):
+    rounds = (
+        ("frame sent, bearings back", over_bus.frame_to_bearings),
+        ("as many bytes, no vision", over_bus.raw_round),
+    )
+    for name, spread in rounds:
         latencies.append((name, f"{spread.median_ms:.2f}", f"{spread.p99_ms:.2f}", ""))
     for row in results.aligned(latencies):
         say.result(row)

@@ -133,7 +133,7 @@ def _words() -> dict[str, str]:
 
 def _tell(contenders: "Mapping[str, Contender]", scores: "Mapping[str, Score | None]", grown: "Growth | None") -> None:
     ours = contenders[OURS]
-    table: list[tuple[str, ...]] = [("stage", "median ms", "p99 ms", "x Sobel pair", "")]
+    table: list[tuple[str, ...]] = [("stage", "median ms", "p99 ms", "in Sobel pairs", "")]
     for stage, spread in (*ours.stages.items(), ("whole step", ours.step), ("sobel pair", ours.sobel_pair)):
         ratio = f"{spread.median_ms / ours.sobel_pair.median_ms:.1f}"
         table.append((stage, f"{spread.median_ms:.2f}", f"{spread.p99_ms:.2f}", ratio, ""))
@@ -180,4 +180,5 @@ def _tell_growth(grown: "Growth") -> None:
         table.append((size, str(point.ring_pixels), f"{point.lines:.0f}", f"{point.vision_ms:.2f}", ""))
     for row in results.aligned(table):
         say.result(row)
-    say.result(f"time grows as ring pixels to the {grown.exponent:.2f}, and by {grown.us_per_line:.0f} us a line")
+    say.result(f"with the picture the time grows as (ring pixels)^{grown.exponent:.2f}")
+    say.result(f"each line more takes {grown.us_per_line:.0f} us")
