@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from omnivert.cli.robot.demo_watch import Heard
+from omnivert.cli.robot.demo_watch import SETTLE_S, SILENCE_S, Heard
 from omnivert.messages import Estimate, Extrinsics, Mount, ParameterVerdict, Playback, Receipt, State
 from omnivert.store import Store
 from tests.processes import own
@@ -92,8 +92,16 @@ def test_the_demo_waits_for_the_receipt_of_the_last_claim() -> None:
     assert heard.complete
     heard.receipt = Receipt(10, "demo", "front", 1)
     assert not heard.complete
+    assert heard.patience_s == SILENCE_S  # the store of a busy machine takes a while
     heard.step(Extrinsics(10, "demo", "front", MOUNT, State.CALIBRATED, 1, (), "omnivert 0.1.0", "x"))
     assert not heard.complete  # the claim of the final state is on its way
+
+
+def test_the_demo_does_not_wait_long_for_frames_that_are_lost_when_all_is_stored() -> None:
+    heard = heard_all()
+    heard.end_ns = 30
+    assert not heard.complete
+    assert heard.patience_s == SETTLE_S
 
 
 def test_the_demo_waits_for_the_last_frame_and_the_player() -> None:

@@ -65,17 +65,23 @@ class Heard:
         """Whether the last frame's estimate is here and what was claimed is stored."""
         if not self.finished or not self.estimates or self.estimates[-1].stamp_ns < self.end_ns:
             return False
+        return self._is_stored
+
+    @property
+    def _is_stored(self) -> bool:
+        """Whether all that is claimed has its receipt."""
         claim: Message | None = self.claimed
-        if (
-            self.estimates[-1].state is State.CALIBRATED and not self.over
-        ):  # the final state is claimed, too, and may be on its way
-            claim = self.estimates[-1]
+        if self.estimates and self.estimates[-1].state is State.CALIBRATED and not self.over:
+            claim = self.estimates[-1]  # the final state is claimed, too, and may be on its way
         return claim is None or (self.receipt is not None and self.receipt.stamp_ns >= claim.stamp_ns)
 
     @property
     def patience_s(self) -> float:
-        """How long nothing may come after the end: a playback has waited for its results before, a live robot not."""
-        return SILENCE_S if self.over else SETTLE_S
+        """How long nothing may come after the end: a playback has waited for its results before, a live robot not.
+
+        What is claimed is on its way to the store, however busy the machine is.
+        """
+        return SILENCE_S if self.over or not self._is_stored else SETTLE_S
 
     @property
     def finished(self) -> bool:
