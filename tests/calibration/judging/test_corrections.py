@@ -2,13 +2,19 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.judging.corrections import are_far, first_prior, freed, freed_at_first
+from omnivert.calibration.solver.noise import Noise
+from omnivert.calibration.way import Way
 from omnivert.config import Calibration, Config
-from omnivert.messages import Estimate
+from omnivert.messages import Estimate, Ticks
+from omnivert.odometry import SECOND
 from omnivert.simulation.recording import Drive, Scene, recorded
 
+Array = NDArray[np.float64]
+CONFIGURED = {"time_offset": 0.0, "wheel_ratio": 1.0, "wheel_base": 0.40}
 ALL_FREE = Config(calibration=Calibration(time_offset="free", wheel_ratio="free", wheel_base="free"))
 
 
@@ -20,17 +26,18 @@ def last_of(drive: Drive, config: Config) -> Estimate:
 
 
 def test_late_stamps_and_wrong_wheels_are_found() -> None:
-    scene = Scene(path="alternate", repeat=2, time_offset_s=0.083, wheel_ratio=1.02, base_factor=1.05)
-    truth = {"time_offset": 0.083, "wheel_ratio": 1.02, "wheel_base": 0.40 * 1.05}
-    for seed in (3,):
-        drive = recorded(scene, Config(), seed)
-        last = last_of(drive, ALL_FREE)
-        for part in last.corrections:
-            if part.name in truth:
-                assert part.freed
-                assert abs(part.value - truth[part.name]) < 3.5 * part.std
-        assert last.mount is not None
-        assert abs(last.mount.rho_m - drive.mount[1]) < 4.0 * np.sqrt(last.mount.covariance[1, 1])
+    scene = Scene(path="alternate", visible=6.0, time_offset_s=0.083, wheel_ratio=1.06, base_factor=1.05)
+    truth = {"time_offset": 0.083, "wheel_ratio": 1.06, "wheel_base": 0.40 * 1.05}
+    drive = recorded(scene, Config(), 4)
+    last = last_of(drive, ALL_FREE)
+    found = {part.name: part for part in last.corrections if part.name in truth}
+    assert found.keys() == truth.keys()
+    for part in found.values():
+        assert part.freed
+        assert abs(part.value - truth[part.name]) < 3.5 * part.std
+        assert part.std < 0.3 * abs(truth[part.name] - CONFIGURED[part.name])  # or the drive would not show it
+    assert last.mount is not None
+    assert abs(last.mount.rho_m - drive.mount[1]) < 4.0 * np.sqrt(last.mount.covariance[1, 1])
 
 
 def test_what_the_drive_does_not_show_is_held_and_said() -> None:
@@ -75,18 +82,37 @@ def test_a_rig_is_far_from_its_configuration_when_one_correction_is(at: tuple[fl
 
 
 @pytest.mark.parametrize("late", [0.0, 0.12])
-def test_the_filter_drives_by_the_corrected_clock(late: float) -> None:
+def test_the_filter_drives_by_the_corrected_clock(late: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the correction the pulse would miss each frame by the way of that time, and the smoother with it."""
-    scene = Scene(path="alternate", repeat=2, time_offset_s=late)
-    config = replace_calibration(time_offset="free")
-    calibrator, last = Calibrator(config), None
-    for message in recorded(scene, Config(), 6).messages:
+    used, correct = [0.0], Way.correct
+
+    def spied(way: Way, corrections: Array, noise: Noise) -> None:
+        used.append(float(corrections[0]))
+        correct(way, corrections, noise)
+
+    monkeypatch.setattr(Way, "correct", spied)
+    calibrator, last = Calibrator(replace_calibration(time_offset="free")), None
+    for message in recorded(Scene(path="alternate", time_offset_s=late), Config(), 8).messages:
         for told in calibrator.step(message):
             last = told if isinstance(told, Estimate) else last
+    assert used[-1] == pytest.approx(late, abs=0.03)
     assert last is not None
     assert last.smoother is not None
     assert last.disagreement < 1.5
     assert last.lines_rejected <= 3
+
+
+def test_a_late_picture_is_met_by_the_way_until_it_was_taken() -> None:
+    """The wheels stand for a second and then turn the robot; pictures are stamped 0.1 s late."""
+    way = Way(Config())
+    for k in range(101):
+        turned = max(k - 50, 0)
+        way.push(Ticks(k * SECOND // 50, -turned, turned))
+    way.correct(np.array([0.1, 0.0, 0.0]), Noise())
+    motions = [way.step(round(stamp_s * SECOND))[0] for stamp_s in (0.5, 1.1, 1.5, 1.7)]
+    turns = [motion.pose[2] for motion in motions if motion is not None]
+    a_second = 2.0 * 50 * Config().encoder.metres_per_tick / Config().robot.wheel_base_m
+    assert turns == pytest.approx([0.0, 0.0, 0.4 * a_second, 0.2 * a_second])
 
 
 def replace_calibration(**given: str) -> Config:
