@@ -31,6 +31,7 @@ from omnivert.odometry import SECOND
 
 Array = NDArray[np.float64]
 
+MOST_OFF = 1e6  # sigmas that are told
 LINEAR_RAD = 0.35  # the filter takes over when phi is known to this
 
 
@@ -65,14 +66,7 @@ class Calibrator:
             self._unfit, stored = "the stored mount is not taken up: its covariance is none", None
         self._claims = Claims(config, None if self._paper else stored)
         if self._paper:
-            c = config.calibration
-            self._pulse = Pulse(
-                Filter(
-                    np.array([c.start_phi_rad, c.start_rho_m, c.start_psi_rad]),
-                    np.diag([0.5**2, 0.1**2, 0.5**2]),
-                    rules_of_the_paper(config.robot.wheel_base_m, config.encoder.noise_k_m),
-                )
-            )
+            self._pulse = _as_printed(config)
         elif stored is not None:
             mount = stored.mount
             self._stored = mount
@@ -83,7 +77,7 @@ class Calibrator:
     @property
     def refused(self) -> dict[str, int]:
         """Bad input so far, by reason."""
-        return dict(self._refused + self._waiting.refused + Counter(self._way.refused))
+        return dict(self._refused + self._waiting.refused + self._way.refused)
 
     @property
     def left_out(self) -> int:
@@ -159,8 +153,9 @@ class Calibrator:
 
     def _see(self, sighting: Sighting, reasons: list[str]) -> None:
         if not self._pulse.update(replace(sighting, std=np.sqrt(self._noise.bearings) * sighting.std)):
-            self._refused["filter: covariance lost its definiteness"] += 1
-            reasons.append("the filter lost its footing and starts anew")
+            self._lost(reasons)
+            if self._paper:
+                self._pulse = _as_printed(self._config)
             if self._stored is not None:
                 self._stored = None
                 self._claims.forget()
@@ -171,6 +166,11 @@ class Calibrator:
                 self._adopt(self._smoothing.finished(), reasons)
                 self._smoothing.begin()
                 self._pulse.mark()
+
+    def _lost(self, reasons: list[str]) -> None:
+        """A covariance that is none is never mended: it is given up, counted and told."""
+        self._refused["filter: covariance lost its definiteness"] += 1
+        reasons.append("the filter lost its footing and starts anew")
 
     def _reopen(self, knock: str) -> None:
         """The camera has moved: what was seen before says nothing of where it is now."""
@@ -185,6 +185,9 @@ class Calibrator:
         """The filter goes on from the batch's joint, each time there is one: it only bridges what comes between."""
         if outcome is None:
             return
+        if outcome.broke:
+            self._refused["smoother: equations not positive definite"] += 1
+            reasons.append("the smoother lost its footing: its last solution is none")
         self._steadiness.step(outcome)
         result = outcome.result
         running = self._pulse.filter
@@ -205,7 +208,8 @@ class Calibrator:
         if result.doubted:  # errors that stay alike from frame to frame lead a filter away that takes them for noise
             self._pulse.drop()
         elif np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
-            self._pulse.seed(result, self._claims.are_watched)
+            if not self._pulse.seed(result, self._claims.are_watched):
+                self._lost(reasons)
             self._noise = result.noise
             self._way.correct(result.corrections, result.noise)
 
@@ -264,7 +268,8 @@ class Calibrator:
         if result is None or self._stored is not None:
             return 0.0
         off = mount_difference(mount, result.mount)
-        return float(np.sqrt(max(0.0, float(off @ np.linalg.solve(result.honest_covariance, off)))))
+        square = float(off @ np.linalg.solve(result.honest_covariance, off))
+        return float(np.sqrt(min(max(0.0, square), MOST_OFF**2)))
 
     def _mount(self) -> tuple[Array | None, Array | None]:
         """phi, rho, psi and the covariance that may be claimed, without what only the wheels' noise has shown.
@@ -331,6 +336,14 @@ class Calibrator:
             f"because no mount explains more than {100.0 * outcome.share:.0f} % of the bearings: "
             "check the wheel base, the wheels' diameter, the clocks of camera and encoders, and what else moves"
         )
+
+
+def _as_printed(config: Config) -> Pulse:
+    """The paper's filter, from measurement by hand."""
+    c = config.calibration
+    at = np.array([c.start_phi_rad, c.start_rho_m, c.start_psi_rad])
+    rules = rules_of_the_paper(config.robot.wheel_base_m, config.encoder.noise_k_m)
+    return Pulse(Filter(at, np.diag([0.5**2, 0.1**2, 0.5**2]), rules))
 
 
 def _is_covariance(matrix: Array) -> bool:

@@ -1,14 +1,17 @@
 """One frame's bearings, cleaned."""
 
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.angles import wrap
-from omnivert.messages import Bearings
+from omnivert.messages import Bearings, StampNs
 
 Array = NDArray[np.float64]
+
+_RANGE = get_args(StampNs)[1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,6 +23,11 @@ class Sighting:
     beta: Array  # rad
     std: Array  # rad
     reasons: tuple[str, ...]
+
+
+def is_stamp(stamp_ns: int) -> bool:
+    """Whether an estimate for it could be told."""
+    return bool(_RANGE.low <= stamp_ns <= _RANGE.high)
 
 
 def clean_sighting(bearings: Bearings, floor: float) -> tuple[Sighting, int]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from omnivert.calibration.choice import Choice
-from omnivert.calibration.sighting import Sighting, clean_sighting
+from omnivert.calibration.sighting import Sighting, clean_sighting, is_stamp
 from omnivert.config import Calibration
 from omnivert.messages import Bearings
 from omnivert.odometry import SECOND
@@ -34,6 +34,9 @@ class Waiting:
         return self._choice.left_out
 
     def append(self, bearings: Bearings) -> None:
+        if not is_stamp(bearings.stamp_ns):
+            self.refused["bearings: stamp out of range"] += 1
+            return
         if bearings.stamp_ns <= self._newest_ns:
             self.refused["bearings: stamp not after the one before"] += 1
             return

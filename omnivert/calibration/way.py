@@ -1,8 +1,11 @@
 """The robot's way from frame to frame for the filter, and from keyframe to keyframe for the smoother."""
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
+from omnivert.calibration.sighting import is_stamp
 from omnivert.calibration.solver.noise import Noise
 from omnivert.config import Config
 from omnivert.messages import Ticks
@@ -19,6 +22,7 @@ class Way:
     def __init__(self, config: Config) -> None:
         self._settings = config.calibration
         self._odometer = Odometer(config.encoder, config.robot.wheel_base_m)
+        self._refused: Counter[str] = Counter()
         self._corrections = np.zeros(3)  # time offset (s), wheel ratio - 1, base / configured - 1
         self._noise = Noise()
         self._last_ns: int | None = None  # frame worked on
@@ -30,14 +34,17 @@ class Way:
         self.turned_rad = 0.0
 
     @property
-    def refused(self) -> dict[str, int]:
-        return self._odometer.refused
+    def refused(self) -> Counter[str]:
+        return self._odometer.refused + self._refused
 
     @property
     def newest_ns(self) -> int | None:
         return self._odometer.newest_ns
 
     def push(self, ticks: Ticks) -> None:
+        if not is_stamp(ticks.stamp_ns):
+            self._refused["ticks: stamp out of range"] += 1
+            return
         self._odometer.push(ticks)
         self._odometer.forget_before((self._odometer.newest_ns or 0) - KEPT_NS)
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.kalman.ekf import Filter, Rules
 from omnivert.calibration.kalman.watchdog import Watchdog
+from omnivert.calibration.solver.stretch import Stretch
 from omnivert.calibration.waiting import MOST_HELD
 from omnivert.calibration.way import KEPT_NS
 from omnivert.config import Calibration, Config
@@ -125,3 +126,12 @@ def test_standing_for_long_among_tracks_that_come_and_go_grows_nothing() -> None
     for k in range(600):
         dog.stand(k, True, 8 * k + np.arange(8), AROUND, np.full(8, 0.003), known)
     assert len(dog._still) <= dog.rules.most_still + 16
+
+
+def test_breaks_for_hours_among_tracks_that_never_come_again_leave_nothing_behind() -> None:
+    stretch = Stretch(Config())
+    for k in range(400):
+        stretch.append(float(k), None, 8 * k + np.arange(8), AROUND, np.full(8, 0.003))
+        if len(stretch.keyframes) == 20:
+            stretch.drop_first(10)
+    assert len(stretch._left_behind) + len(stretch._renamed) <= 20 * 8

@@ -253,7 +253,7 @@ def _why(k: int, shown: Shown, sigma: Array, limit: Array, against: dict[Conditi
 def _with(parameter: int, covariance: Array | None, sum_known: str) -> str:
     if parameter == 1 or covariance is None:
         return ""
-    correlation = covariance[0, 2] / np.sqrt(covariance[0, 0] * covariance[2, 2])
+    correlation = covariance[0, 2] / np.sqrt(covariance[0, 0]) / np.sqrt(covariance[2, 2])
     return f"; the sum of phi and psi is seen better{sum_known}" if correlation < -0.9 else ""
 
 

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
+FARTHEST_M = 100.0  # a camera beyond it is on no robot, and no message can tell it
 SWEEP = 32  # updates after which tracks that are gone are swept out: until then they only take room
 
 
@@ -135,9 +136,10 @@ class Filter:
 
     @property
     def is_sound(self) -> bool:
-        """Whether the state is made of numbers and the covariance is positive definite."""
+        """Whether the state is made of numbers, the camera is on the robot, and the covariance is positive definite."""
         # All of it, by a Cholesky: a tenth of an update. What is not a number fails it, too.
-        return self._is_definite and bool(np.isfinite(self.x).all()) and factor(self.P) is not None
+        somewhere = bool(np.isfinite(self.x).all()) and abs(float(self.x[self.layout.mount][1])) <= FARTHEST_M
+        return self._is_definite and somewhere and factor(self.P) is not None
 
     def seed(self, mount: Array, lines: Array, covariance: Array, tracks: list[int]) -> None:
         """Everything anew: mount (3,), lines (N, 2) as the layout holds them, their joint covariance in its order.

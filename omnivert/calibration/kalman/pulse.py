@@ -69,26 +69,33 @@ class Pulse:
         """A solution of what has come until now is on its way."""
         self._since = []
 
-    def seed(self, result: Result, is_watched: bool = False) -> None:
+    def seed(self, result: Result, is_watched: bool = False) -> bool:
         """Go on from a solution of the last mark: its mount and lines, and then all that has come since.
+
+        False when that loses its footing on the way; what runs then runs on.
 
         is_watched  a watchdog looks on
         """
         # Lines that the filter starts itself make it too sure by half within 60 frames [measured]; the batch starts
         # them. That takes ten frames and more, in which they would tell of a knock: so a scout starts them, too.
-        self.filter = self._seeded(self.filter, result, Rules(enters=False))
-        if self.filter is None or not is_watched:
+        fresh = self._led_on(result, Rules(enters=False))
+        if fresh is None:
+            return False
+        self.filter = _taken_over(self.filter, fresh)
+        scout = self._led_on(result, Rules()) if is_watched else None
+        if scout is None:
             self._scout, self._scouted = None, None
         else:
-            self._scout = self._seeded(self._scout, result, Rules())
+            self._scout = _taken_over(self._scout, scout)
             self.filter.follow(False)
+        return True
 
     def drop(self) -> None:
         """There is nothing to go on from any more."""
         self.filter, self._scout, self._scouted = None, None, None
 
-    def _seeded(self, running: Filter | None, result: Result, rules: Rules) -> Filter | None:
-        """A filter with these rules that goes on from a solution; the running one where that fails."""
+    def _led_on(self, result: Result, rules: Rules) -> Filter | None:
+        """A new filter that has come from a solution to now; None when it has lost its footing on the way."""
         seed = result.seed.without_loose()
         fresh = Filter(result.mount, result.covariance, rules)
         fresh.seed(result.mount, seed.lines, seed.covariance, list(seed.tracks))
@@ -100,15 +107,18 @@ class Pulse:
                     fresh.update(told.track, told.beta, told.std)
                 case _Forget():
                     fresh.forget_lines()
-        if not fresh.is_sound:
-            return running
-        if running is None or running.rules != fresh.rules:
-            return fresh
-        layout = fresh.layout
-        pairs = np.stack([fresh.x[layout.distance], fresh.x[layout.heading]], axis=1)
-        running.seed(fresh.x[layout.mount], pairs, fresh.P, fresh.tracks)
-        return running
+        return fresh if fresh.is_sound else None
 
     def _keep(self, told: Motion | Sighting | _Forget) -> None:
         if self._since is not None:
             self._since.append(told)
+
+
+def _taken_over(running: Filter | None, fresh: Filter) -> Filter:
+    """The running filter with the fresh one's state, so that it goes on counting and following; else the fresh one."""
+    if running is None or running.rules != fresh.rules:
+        return fresh
+    layout = fresh.layout
+    pairs = np.stack([fresh.x[layout.distance], fresh.x[layout.heading]], axis=1)
+    running.seed(fresh.x[layout.mount], pairs, fresh.P, fresh.tracks)
+    return running

@@ -1,6 +1,5 @@
 """Start and smoother over the drive so far: which mount, how sure, how clear, and what of the way has shown it."""
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -74,12 +73,20 @@ class Batch:
 
     def solve(self) -> Outcome:
         """The best mount for all keyframes, if there is a single clear one."""
-        result = self._solved()
+        result, broke = None, False
+        try:
+            result = self._solved()
+        except ArithmeticError:
+            broke = True
         if self.size >= self._config.calibration.window_keyframes:  # it shows no mount, or it would have been cut
             self._forget(self.size // 2)
-        return Outcome(result, self._all_centres(), self._seen, self._share, self._wrong, self._keyframes)
+        return Outcome(result, self._all_centres(), self._seen, self._share, self._wrong, self._keyframes, broke)
 
     def _solved(self) -> Result | None:
+        """The result, if there is one.
+
+        raises  ArithmeticError when equations are not positive definite: they are not mended
+        """
         if not self.size:
             return None
         posed = self._posed()
@@ -90,23 +97,20 @@ class Batch:
             self._glimpse(problem)
             return None
         search = Search(problem)
-        try:
-            solution = self._solution(search, posed)
-            if solution is None:
-                return None
-            if (problem.prior.free[3:] != self._free).any():  # the start has freed some
-                posed = replace(posed, problem=self._opened(problem))
-                search = Search(posed.problem)
-            search, solution = self._freed(search, solution)
-            self._shared = solution.x.shared.copy()
-            result = self._result(search, posed, solution)
-            if result is not None and self._config.calibration.noise == "auto":
-                self._noise = noise.updated(self._noise, *result.residuals)
-            self._stretch.remember(posed, solution, clear=result is not None)
-            if problem.frames >= self._config.calibration.window_keyframes:
-                self._cut(problem.frames // 2)
-        except ArithmeticError:  # this stretch determines nothing yet
+        solution = self._solution(search, posed)
+        if solution is None:
             return None
+        if (problem.prior.free[3:] != self._free).any():  # the start has freed some
+            posed = replace(posed, problem=self._opened(problem))
+            search = Search(posed.problem)
+        search, solution = self._freed(search, solution)
+        self._shared = solution.x.shared.copy()
+        result = self._result(search, posed, solution)
+        if result is not None and self._config.calibration.noise == "auto":
+            self._noise = noise.updated(self._noise, *result.residuals)
+        self._stretch.remember(posed, solution, clear=result is not None)
+        if problem.frames >= self._config.calibration.window_keyframes:
+            self._cut(problem.frames // 2)
         return result
 
     def _all_centres(self) -> tuple[Piece, ...]:
@@ -185,9 +189,8 @@ class Batch:
         self._searched = problem.frames
         start = started(problem, settings.max_rho_m, 1, settings.start_lines, np.array([HELD_RHO, 0.0]))
         if start is not None:
-            with suppress(ArithmeticError):
-                shown, _ = nominal_information(problem, start.solution)
-                self._see(shown, start.solution)
+            shown, _ = nominal_information(problem, start.solution)
+            self._see(shown, start.solution)
 
     def _see(self, shown: Array, solution: Solution) -> None:
         settings = self._config.calibration

@@ -62,6 +62,7 @@ class Outcome:
     share: float  # of the bearings that the best solution explains, clear or not
     wrong: str  # what is wired wrongly, as far as the drive tells
     keyframes: int
+    broke: bool = False  # the equations were not positive definite: nothing was found in them
 
     @property
     def doubted(self) -> bool:

@@ -149,6 +149,8 @@ class Stretch:
         tracks = {t for k in self.keyframes for t in k.track.tolist()}
         self._renamed = {track: line for track, line in self._renamed.items() if track in tracks}
         self._moving.intersection_update(n for k in self.keyframes for n in k.line.tolist())
+        # What is neither seen in here nor remembered has no name that a track that comes again could take.
+        self._left_behind.intersection_update(tracks.union(self._line))
         known = self._pose[count:]
         if not known.size:
             self._pose, self._line = np.zeros((0, 3)), {}
