@@ -72,6 +72,12 @@ class Calibration(Section):
     """No parameter is calibrated while the sigma of another is more than this many times its limit."""
     apart_sigmas: float = Field(3.0, gt=0.0, le=100.0)
     """How far the camera must be from the axis, or from the centre of a circle, to be told from one that sits there."""
+    longest_straight_m: float = Field(1.5, ge=0.1, le=20.0)
+    """No manoeuvre that is asked for goes straight farther than this: what the room allows."""
+    longest_turn_deg: float = Field(180.0, ge=10.0, le=360.0)
+    """Nor turns farther than this at once: what a cable allows."""
+    alarm_chance: float = Field(1e-7, ge=1e-30, le=0.01)
+    """Of a false alarm at a frame that the camera has moved; a smaller one asks for more before a knock is said."""
     noise: Literal["auto", "held"] = "auto"
     """K and the bearings' sigmas are replaced where the residuals say clearly that they are others, or never."""
     resume: bool = True

@@ -6,12 +6,13 @@ from numpy.typing import NDArray
 
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.kalman.ekf import Filter, Rules
-from omnivert.calibration.kalman.watchdog import Watchdog
+from omnivert.calibration.kalman.watchdog import Watchdog, WatchRules
 from omnivert.calibration.solver.stretch import Stretch
 from omnivert.calibration.waiting import MOST_HELD
 from omnivert.calibration.way import KEPT_NS
 from omnivert.config import Calibration, Config
 from omnivert.messages import Bearings, Estimate, Extrinsics, Mount, State, Ticks
+from omnivert.simulation.recording import Knock, Scene, recorded
 
 Array = NDArray[np.float64]
 SECOND = 1_000_000_000
@@ -135,3 +136,18 @@ def test_breaks_for_hours_among_tracks_that_never_come_again_leave_nothing_behin
         if len(stretch.keyframes) == 20:
             stretch.drop_first(10)
     assert len(stretch._left_behind) + len(stretch._renamed) <= 20 * 8
+
+
+def test_the_rarer_a_false_alarm_may_be_the_more_a_knock_must_show() -> None:
+    knock = Knock(5.0, float(np.deg2rad(4.0)))
+    drive = recorded(Scene(path="alternate", mount=(0.6, 0.25, -0.4), knock=knock), Config(), 3)
+    mount = Mount(0.6, 0.25, -0.4, np.diag([0.01, 0.002, 0.01]) ** 2)
+    stored = Extrinsics(0, "demo", "front", mount, State.CALIBRATED, 9, (), "omnivert", "digest")
+    alarms = []
+    for chance in (1e-3, 1e-30):
+        calibrator = Calibrator(Config(calibration=Calibration(alarm_chance=chance)), stored)
+        estimates = told(calibrator, [m for m in drive.messages if m.stamp_ns < 9 * SECOND])
+        alarms.append([e.stamp_ns / SECOND for e in estimates if e.state is State.MOVED])
+    assert 5.0 < alarms[0][0] < 7.0
+    assert alarms[1] == []
+    assert WatchRules().chance == Calibration().alarm_chance

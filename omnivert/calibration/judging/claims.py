@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 import omnivert
 from omnivert.calibration.kalman.pulse import Pulse
-from omnivert.calibration.kalman.watchdog import Alarm, Watchdog
+from omnivert.calibration.kalman.watchdog import Alarm, Watchdog, WatchRules
 from omnivert.calibration.sighting import Sighting
 from omnivert.config import Config
 from omnivert.messages import Estimate, Extrinsics, Mount, State
@@ -95,7 +95,8 @@ class Claims:
     def _watch(self, mount: Mount, since_ns: int) -> None:
         at = np.array([mount.phi_rad, mount.rho_m, mount.psi_rad])
         if self._watchdog is None:
-            self._watchdog = Watchdog(at, mount.covariance, stamp_ns=since_ns)
+            rules = WatchRules(chance=self._config.calibration.alarm_chance)
+            self._watchdog = Watchdog(at, mount.covariance, rules, since_ns)
         else:
             self._watchdog.renew(since_ns, at, mount.covariance)
 

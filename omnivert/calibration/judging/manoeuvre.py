@@ -46,6 +46,8 @@ class Outlook:
     bearing_std_rad: float
     frame_m: float = 0.05  # way from frame to frame
     frame_rad: float = float(np.deg2rad(3.0))  # turn from frame to frame
+    longest_m: float = 1.5  # straight in one go
+    longest_turn_deg: float = 180.0  # on the spot in one go
     life_frames: float = 40.0  # that a line stays tracked, on average; then it comes back as a new one. inf: forever
 
 
@@ -71,6 +73,18 @@ DRIVE = Manoeuvre(((0.7, 0.0),), None, "")
 TURN = Manoeuvre(((0.0, np.pi / 2.0),), None, "")
 
 
+def within(manoeuvre: Manoeuvre, longest_m: float, longest_turn_deg: float) -> Manoeuvre:
+    """The same, with no leg longer than the robot may go; of one that is cut nothing is foreseen."""
+    turn = float(np.deg2rad(longest_turn_deg))
+    legs = tuple((min(way, longest_m), min(turned, turn)) for way, turned in manoeuvre.legs)
+    return manoeuvre if legs == manoeuvre.legs else Manoeuvre(legs, None, "")
+
+
+def _up_to(lengths: tuple[float, ...], longest: float) -> tuple[float, ...]:
+    """The shorter ones, and the longest."""
+    return *(length for length in lengths if length < longest), longest
+
+
 def in_words(legs: tuple[Leg, ...]) -> str:
     """ "turn about 90 deg on the spot, then drive 0.7 m straight" """
     return ", then ".join(
@@ -88,7 +102,7 @@ def best_manoeuvre(mount: Array, information: Array, lines: Lines, outlook: Outl
     """
     found = foreseen(mount, information, lines, outlook)
     if not found:
-        return TURN_AND_DRIVE
+        return within(TURN_AND_DRIVE, outlook.longest_m, outlook.longest_turn_deg)
     before = _polar(mount, covariance_from_information(information))
     # Information towards the limit in the worst direction adds up from one manoeuvre to the next, sigmas do not.
     reached = _progress(before, limit)
@@ -122,8 +136,8 @@ def foreseen(mount: Array, information: Array, lines: Lines, outlook: Outlook) -
     here = _Place(covariance, np.zeros(3), 0)
     _see(here.covariance, here.pose, here.frame, *world)
 
-    ways = [(way, 0.0) for way in WAYS_M]
-    turns = [(0.0, float(np.deg2rad(turn))) for turn in TURNS_DEG]
+    ways = [(way, 0.0) for way in _up_to(WAYS_M, outlook.longest_m)]
+    turns = [(0.0, float(np.deg2rad(turn))) for turn in _up_to(TURNS_DEG, outlook.longest_turn_deg)]
     found: list[Manoeuvre] = []
     for first, second in ((ways, turns), (turns, ways)):
         for leg, place in zip(first, _along(here, first, outlook, world), strict=True):

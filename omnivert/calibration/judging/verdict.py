@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration.judging.manoeuvre import DRIVE, TURN, TURN_AND_DRIVE, Manoeuvre
+from omnivert.calibration.judging.manoeuvre import DRIVE, TURN, TURN_AND_DRIVE, Manoeuvre, within
 from omnivert.calibration.judging.observability import Kind, Piece, Seen, Unseen
 from omnivert.calibration.kalman.model import cartesian_from_polar
 from omnivert.config import Calibration
@@ -109,15 +109,17 @@ def unmet(shown: Shown, limits: Calibration, before: State = State.NOT_YET) -> d
 
 def verdict(shown: Shown, limits: Calibration, before: State) -> Verdict:
     """Each parameter's state; a claim once made holds until sigma is `hold_limits` times its limit."""
+    longest = limits.longest_straight_m, limits.longest_turn_deg
+    todo = shown.todo or within(TURN_AND_DRIVE, *longest)
     if shown.moved:
-        return _all(State.MOVED, shown.moved, shown.todo or TURN_AND_DRIVE)
+        return _all(State.MOVED, shown.moved, todo)
     if not shown.restored and (shown.frames == 0 or not shown.ticks or (shown.covariance is None and shown.lines == 0)):
-        return _all(State.WAITING, _missing(shown), DRIVE)
+        return _all(State.WAITING, _missing(shown), within(DRIVE, *longest))
     if shown.contradicted:
-        return _all(State.INVALID, shown.contradicted, TURN_AND_DRIVE)
+        return _all(State.INVALID, shown.contradicted, within(TURN_AND_DRIVE, *longest))
     poor, fallback = ("", TURN_AND_DRIVE) if shown.restored else _poor(shown)
     poor = poor or (DOUBTED if shown.doubted and not shown.restored else "")
-    todo = shown.todo or fallback
+    todo = shown.todo or within(fallback, *longest)
     sigma = _sigmas(shown.covariance)
     if shown.covariance is None or sigma is None:
         several = "because several mounts explain the drive so far about equally well"

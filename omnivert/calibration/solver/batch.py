@@ -282,8 +282,14 @@ class Batch:
         )
 
     def _outlook(self, problem: Problem) -> Outlook:
-        robot, encoder = self._config.robot, self._config.encoder
-        return Outlook(robot.wheel_base_m, self._noise.wheels * encoder.noise_k_m, float(np.median(problem.std)))
+        robot, encoder, settings = self._config.robot, self._config.encoder, self._config.calibration
+        return Outlook(
+            robot.wheel_base_m,
+            self._noise.wheels * encoder.noise_k_m,
+            float(np.median(problem.std)),
+            longest_m=settings.longest_straight_m,
+            longest_turn_deg=settings.longest_turn_deg,
+        )
 
     def _cut(self, count: int) -> None:
         """The first `count` keyframes become the prior of the rest. Lines across the cut start anew: counted once.

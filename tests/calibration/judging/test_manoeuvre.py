@@ -5,6 +5,7 @@ the mount and the lines' places; its slopes are differences. It shares nothing w
 """
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -301,6 +302,20 @@ def test_without_lines_there_is_a_default_that_promises_nothing() -> None:
     assert best_manoeuvre(np.full(3, np.nan), NONE, lines_of(room(1)), OUTLOOK, LIMIT) is TURN_AND_DRIVE
     assert TURN_AND_DRIVE.covariance is None
     assert TURN_AND_DRIVE.brings == ""
+
+
+@pytest.mark.parametrize(("longest_m", "longest_deg"), [(0.2, 30.0), (1.0, 90.0), (1.5, 180.0), (4.0, 360.0)])
+def test_no_leg_is_longer_than_room_and_cable_allow(longest_m: float, longest_deg: float) -> None:
+    narrow = replace(OUTLOOK, longest_m=longest_m, longest_turn_deg=longest_deg)
+    legs = {leg for m in foreseen(MOUNT, NONE, lines_of(room(3)), narrow) for leg in m.legs}
+    assert max(way for way, _ in legs) == longest_m
+    assert max(turn for _, turn in legs) == pytest.approx(np.deg2rad(longest_deg))
+    usual = {leg for m in foreseen(MOUNT, NONE, lines_of(room(3)), OUTLOOK) for leg in m.legs}
+    assert {leg for leg in usual if leg[0] < longest_m and leg[1] < np.deg2rad(longest_deg)} <= legs
+    nothing = Lines(np.zeros(0), np.zeros(0), np.zeros(0))
+    for way, turn in best_manoeuvre(MOUNT, NONE, nothing, narrow, LIMIT).legs:
+        assert way <= longest_m
+        assert turn <= np.deg2rad(longest_deg)
 
 
 def test_many_lines_are_stood_for_by_a_few() -> None:

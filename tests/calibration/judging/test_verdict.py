@@ -298,3 +298,17 @@ def test_of_a_doubted_drive_nothing_is_usable_and_the_reason_says_what_to_check(
     assert states(told) == (State.NOT_YET,) * 3
     assert told.rho.reason.startswith("because parts of the drive contradict each other")
     assert states(judged(replace(GOOD, doubted=True, restored=True))) == (State.CALIBRATED,) * 3
+
+
+def test_nobody_is_told_to_go_farther_than_room_and_cable_allow() -> None:
+    narrow = Calibration(longest_straight_m=0.5, longest_turn_deg=60.0)
+    both = "turn about 60 deg on the spot, then drive 0.5 m straight"
+    for shown, todo in (
+        (replace(GOOD, frames=0), "drive 0.5 m straight"),
+        (replace(GOOD, moved="the camera moved"), both),
+        (replace(GOOD, contradicted="because nothing fits"), both),
+        (replace(GOOD, covariance=None), both),
+        (replace(GOOD, covariance=None, centres=(STRAIGHT,)), "turn about 60 deg on the spot"),
+        (replace(GOOD, covariance=None, centres=(TURN,)), "drive 0.5 m straight"),
+    ):
+        assert verdict(shown, narrow, State.NOT_YET).next_manoeuvre == todo
