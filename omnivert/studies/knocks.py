@@ -11,7 +11,6 @@ from scipy.special import chdtri, chndtr
 
 from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.kalman.model import mount_difference
-from omnivert.calibration.kalman.watchdog import WatchRules
 from omnivert.config import Config
 from omnivert.messages import Bearings, Extrinsics, State
 from omnivert.simulation.recording import Drive, Knock, recorded
@@ -161,7 +160,7 @@ def _best_chance(drive: Drive, config: Config, until_s: float) -> float:
     assert knock is not None
     size = np.array([knock.yaw_rad, knock.forward_m, knock.left_m])
     noncentral = float(size @ np.linalg.solve(knock_bound(drive, config, until_s), size))
-    return 1.0 - float(chndtr(chdtri(3.0, WatchRules().chance), 3.0, noncentral))
+    return 1.0 - float(chndtr(chdtri(3.0, config.calibration.alarm_chance), 3.0, noncentral))
 
 
 def _spread(values: Sequence[float]) -> dict[str, float] | None:
