@@ -71,22 +71,27 @@ def run(
     controls  pause it, let it step and end it
     raises    UseError beside a live bridge or when one comes, DataError without sensor data or one of `wait_for`
     """
-    recording = Recording(path)
+    recording = Recording(path, quick=True)  # a damaged part of a large file is found when its turn has come
     excerpt = Excerpt(recording, config, from_s, to_s)
     bus.refuse_beside("bridge", "player")
     begun(excerpt.consumer)
     if changes := config.rig_changes(named_alike(recording.config(config), config).rig_digest()):
         bus.note(f"the recording was made with another rig than the configuration's: {'; '.join(changes)}", "rig")
-    if recording.cut:
-        bus.note(f"the recording is not whole: {recording.cut}", "cut")
+    _note_cut(bus, recording)
     player = _Player(bus, config, controls or Controls())
     with player.following():
         player.await_services(wait_for)
         with read_ahead(excerpt.rounds(loop), _size, _AHEAD_BYTES) as messages:
             played = player.play(messages, excerpt.count(), speed)
+    _note_cut(bus, recording)
     for reason, times in recording.refused.items():
         bus.refuse(f"recording: {reason}", times)
     return played
+
+
+def _note_cut(bus: Bus, recording: Recording) -> None:
+    if recording.cut:
+        bus.note(f"the recording is not whole: {recording.cut}", "cut")
 
 
 def _size(message: Message) -> int:

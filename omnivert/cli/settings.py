@@ -88,18 +88,19 @@ def rig_of(source: "Recording", chosen: Config) -> Config:
     return rig
 
 
-def opened(name: str) -> "Recording":
+def opened(name: str, quick: bool = False) -> "Recording":
     """The recording of that name: a file, or the packaged one.
 
+    quick   to be played: what is damaged in a whole file is found where it is read
     raises  UseError when there is no such file
     """
     from omnivert.wire.recording import Recording
 
     path = recording_path(name)
     if path.stat().st_size < LARGE_BYTES:
-        return Recording(path)
+        return Recording(path, quick=quick)
     with say.progress("opening", None) as bar:
-        return Recording(path, bar.reach)
+        return Recording(path, bar.reach, quick)
 
 
 def recording_path(name: str) -> Path:

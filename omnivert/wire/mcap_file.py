@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import BinaryIO
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -32,6 +33,7 @@ from mcap.records import Message as Record
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC as MAGIC
 from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
 
 __all__ = [
     "DAMAGED",
@@ -47,6 +49,7 @@ __all__ = [
     "attachment",
     "chunk",
     "metadata",
+    "stamps",
     "surveyed",
     "writer",
 ]
@@ -77,11 +80,21 @@ class Place:
     length: int
 
 
+@dataclass(frozen=True, slots=True)
+class Index:
+    """What the summary says of a chunk's messages: where their stamps stand, the first and the last of them."""
+
+    place: Place
+    start_ns: int
+    end_ns: int
+
+
 @dataclass(slots=True)
 class Survey:
     """
     library   what wrote the file
     chunks    in the order in which they were written
+    indexes   of each chunk, and counts of messages by channel, where the summary says so
     channels  id -> topic and name of its schema, where the summary says so; else they are in the chunks
     messages  how many were written, where the summary says so
     fault     what is wrong with the file as far as it shows without opening its parts; "" when nothing is
@@ -89,6 +102,8 @@ class Survey:
 
     library: str = ""
     chunks: list[Place] = field(default_factory=list)
+    indexes: list[Index] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=dict)
     attachments: dict[str, Place] = field(default_factory=dict)
     metadata: list[Place] = field(default_factory=list)
     channels: dict[int, tuple[str, str]] = field(default_factory=dict)
@@ -123,6 +138,30 @@ def chunk(file: BinaryIO, place: Place) -> list[McapRecord]:
         return breakup_chunk(Chunk.read(_stream(file, place)), validate_crc=True)
     except Exception as error:
         raise FileError(str(error)) from error
+
+
+def stamps(file: BinaryIO, index: Index) -> dict[int, NDArray[np.uint64]]:
+    """Channel -> stamps of a chunk's messages, from the index beside it, without a look into the chunk.
+
+    raises  FileError when it does not agree with the summary
+    """
+    content, at = _read(file, index.place.offset, index.place.length), 0
+    found: dict[int, NDArray[np.uint64]] = {}
+    try:
+        while at < index.place.length:
+            opcode, length, channel, size = struct.unpack_from("<BQHI", content, at)
+            pairs = np.frombuffer(content, "<u8", size // 8, at + struct.calcsize("<BQHI"))
+            if opcode != Opcode.MESSAGE_INDEX or length != size + 6 or size % 16:
+                raise FileError("it is no index")
+            if size:
+                found[channel] = pairs[::2]
+            at += _HEAD + length
+    except _FAULTS as error:
+        raise FileError(str(error)) from error
+    low, high = (of([of(times) for times in found.values()], default=0) for of in (min, max))
+    if (low, high) != (index.start_ns, index.end_ns):
+        raise FileError("it tells of other times than the summary")
+    return found
 
 
 def metadata(file: BinaryIO, place: Place) -> tuple[str, dict[str, str]]:
@@ -171,6 +210,8 @@ def _from_summary(file: BinaryIO, size: int) -> Survey | None:
                 said = record
             case ChunkIndex(chunk_start_offset=start, chunk_length=length):
                 found.chunks.append(_indexed(file, size, found, Opcode.CHUNK, start, length))
+                index = Place(min(record.message_index_offsets.values(), default=0), record.message_index_length)
+                found.indexes.append(Index(index, record.message_start_time, record.message_end_time))
             case AttachmentIndex(offset=start, length=length, name=name):
                 found.attachments[name] = _indexed(file, size, found, Opcode.ATTACHMENT, start, length)
             case MetadataIndex(offset=start, length=length):
@@ -180,7 +221,7 @@ def _from_summary(file: BinaryIO, size: int) -> Survey | None:
     if (said.attachment_count and not found.attachments) or said.metadata_count != len(found.metadata):
         return None
     found.channels = {channel.id: (channel.topic, schemas.get(channel.schema_id, "")) for channel in channels}
-    found.messages = said.message_count
+    found.messages, found.counts = said.message_count, said.channel_message_counts
     return found
 
 

@@ -7,10 +7,13 @@ when its time has come.
 import heapq
 import json
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omnivert.config import Config, with_rig
 from omnivert.errors import DataError, UseError
@@ -47,6 +50,7 @@ class _Chunk:
     start_ns: int  # of its messages
     end_ns: int
     first_ns: int  # of those that are not of the host's clock, where there are some
+    messages: int
 
 
 class Recording:
@@ -61,9 +65,12 @@ class Recording:
     lost        messages that were written and cannot be read, where the file says how many there were
     refused     messages that could not be read, by reason; grows while reading
     opened      told how many of how many chunks have been looked into; every one is, for its checksum
+    quick       a whole file is believed its index instead: what is damaged in it is found where it is read
     """
 
-    def __init__(self, path: Path, opened: Callable[[int, int], None] = lambda done, total: None) -> None:
+    def __init__(
+        self, path: Path, opened: Callable[[int, int], None] = lambda done, total: None, quick: bool = False
+    ) -> None:
         self.path = path
         self.rig: dict[str, Any] = {}
         self.cut = ""
@@ -80,7 +87,7 @@ class Recording:
         self._schemas: dict[int, str] = {}  # schema -> message name
         try:
             with path.open("rb") as file:
-                self._survey(file, opened)
+                self._survey(file, opened, quick)
         except OSError as error:
             raise DataError("OV301", f"cannot read the recording {path}", error.strerror or str(error)) from error
         if not self.counts:
@@ -162,15 +169,32 @@ class Recording:
             while waiting and (chunk is None or waiting[0][0] < chunk.first_ns):
                 yield heapq.heappop(waiting)[-1]
             if chunk is not None:
-                for place, record in enumerate(self._opened(file, chunk.place)):
+                for place, record in enumerate(self._content(file, chunk)):
                     key, name = self._topics.get(record.channel_id, ("", ""))
                     if low <= record.log_time < high and (names is None or name in names):
                         entry = Entry(key, name, record.log_time, record.publish_time, record.data)
                         heapq.heappush(waiting, (record.log_time, chunk.place.offset, place, entry))
 
+    def _content(self, file: BinaryIO, chunk: _Chunk) -> list[mcap_file.Record]:
+        """A chunk's messages; one that was believed the index, and is damaged, is left out from then on."""
+        records = self._read(file, chunk.place)
+        if not records:
+            self._chunks.remove(chunk)
+            self.lost += chunk.messages
+        return records
+
+    def _read(self, file: BinaryIO, place: mcap_file.Place) -> list[mcap_file.Record]:
+        """A chunk's messages; none when it is damaged."""
+        try:
+            return list(self._opened(file, place))
+        except mcap_file.FileError:
+            self.refused["damaged chunk"] += 1
+            self.cut = mcap_file.DAMAGED
+            return []
+
     # ------------------------------------------------------------------ what the file holds
 
-    def _survey(self, file: BinaryIO, opened: Callable[[int, int], None]) -> None:
+    def _survey(self, file: BinaryIO, opened: Callable[[int, int], None], quick: bool) -> None:
         survey = mcap_file.surveyed(file)
         if survey is None:
             raise DataError("OV302", f"{self.path} is no recording", "it does not begin as an MCAP file does")
@@ -179,13 +203,10 @@ class Recording:
         self._topics = {number: (topic, _message_name(schema)) for number, (topic, schema) in survey.channels.items()}
         self._take_rig(file, survey)
         sensed: list[tuple[int, int]] = []  # first and last stamp of each chunk
+        indexed = _indexed(file, survey) if quick else None
         for done, place in enumerate(survey.chunks, 1):
             opened(done, len(survey.chunks))
-            try:
-                self._count(file, place, sensed)
-            except mcap_file.FileError:
-                self.refused["damaged chunk"] += 1
-                self.cut = mcap_file.DAMAGED
+            self._count(place, indexed[done - 1] if indexed else self._stamps(file, place), sensed)
         if sensed:
             self.start_ns, self.end_ns = min(low for low, _ in sensed), max(high for _, high in sensed)
         self.lost = max((survey.messages or 0) - self.counts.total(), 0)
@@ -215,20 +236,30 @@ class Recording:
         else:
             self.rig = rig
 
-    def _count(self, file: BinaryIO, place: mcap_file.Place, sensed: list[tuple[int, int]]) -> None:
-        records = list(self._opened(file, place))
-        if not records:
-            return
-        for record in records:
-            key, at_ns = self._topics.get(record.channel_id, ("", ""))[0], record.log_time
-            first, last = self.spans.get(key, (at_ns, at_ns))
-            self.spans[key] = min(first, at_ns), max(last, at_ns)
-            self.counts[key] += 1
-        stamps = [record.log_time for record in records]
-        of_sensors = [r.log_time for r in records if self._topics.get(r.channel_id, ("", ""))[1] not in HOST_CLOCK]
-        self._chunks.append(_Chunk(place, min(stamps), max(stamps), min(of_sensors or stamps)))
-        if of_sensors:
-            sensed.append((min(of_sensors), max(of_sensors)))
+    def _stamps(self, file: BinaryIO, place: mcap_file.Place) -> dict[int, list[int]]:
+        """Channel -> stamps of a chunk's messages, after a look at all of it."""
+        found: dict[int, list[int]] = {}
+        for record in self._read(file, place):
+            found.setdefault(record.channel_id, []).append(record.log_time)
+        return found
+
+    def _count(
+        self, place: mcap_file.Place, stamps: Mapping[int, Collection[Any]], sensed: list[tuple[int, int]]
+    ) -> None:
+        """Takes a chunk with the stamps of its messages."""
+        of_all, of_sensors = [], []
+        for channel, times in stamps.items():
+            key, name = self._topics.get(channel, ("", ""))
+            low, high = int(min(times)), int(max(times))
+            first, last = self.spans.get(key, (low, high))
+            self.spans[key] = min(first, low), max(last, high)
+            self.counts[key] += len(times)
+            of_all.append((low, high))
+            of_sensors += [(low, high)] if name not in HOST_CLOCK else []
+        if of_all:
+            (start, end), (first, last) = _span(of_all), _span(of_sensors or of_all)
+            self._chunks.append(_Chunk(place, start, end, first, sum(map(len, stamps.values()))))
+            sensed += [(first, last)] if of_sensors else []
 
     def _opened(self, file: BinaryIO, place: mcap_file.Place) -> Iterator[mcap_file.Record]:
         for record in mcap_file.chunk(file, place):
@@ -239,6 +270,26 @@ class Recording:
                     self._topics[record.id] = (record.topic, self._schemas.get(record.schema_id, ""))
                 case mcap_file.Record():
                     yield record
+
+
+def _indexed(file: BinaryIO, survey: mcap_file.Survey) -> list[dict[int, NDArray[np.uint64]]] | None:
+    """The stamps of each chunk's messages from the file's own index; None where it does not tell of all of them."""
+    if survey.fault or not survey.indexes:
+        return None
+    counts: Counter[int] = Counter()
+    indexed = []
+    try:
+        for index in survey.indexes:
+            indexed.append(mcap_file.stamps(file, index))
+            counts.update({channel: len(times) for channel, times in indexed[-1].items()})
+    except mcap_file.FileError:
+        return None
+    told = {channel: count for channel, count in survey.counts.items() if count}
+    return indexed if counts == told and counts.keys() <= survey.channels.keys() else None
+
+
+def _span(spans: Collection[tuple[int, int]]) -> tuple[int, int]:
+    return min(low for low, _ in spans), max(high for _, high in spans)
 
 
 def _message_name(schema: str) -> str:

@@ -269,6 +269,83 @@ def test_a_wrong_bit_in_the_first_chunk_costs_that_chunk_only(tmp_path: Path, be
     assert (recording.cut, recording.lost) == ("a part of it is damaged", 60)
 
 
+# ------------------------------------------------------------------ opened quickly
+
+
+def told(recording: Recording) -> tuple[object, ...]:
+    """What is known of a recording once all of it has been read."""
+    return (
+        dict(recording.counts),
+        recording.spans,
+        (recording.start_ns, recording.end_ns),
+        (recording.cut, recording.lost, recording.chunks),
+        recording.refused,
+    )
+
+
+stamped = st.lists(st.tuples(st.integers(0, 20 * SECOND), st.sampled_from(["ticks", "frame", "health"])), min_size=1)
+
+
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(stamped=stamped)
+def test_a_whole_file_that_is_opened_quickly_tells_and_gives_the_same(tmp_path: Path, stamped: Any) -> None:
+    kinds: dict[str, Any] = {
+        "ticks": lambda stamp_ns: (TICKS, Ticks(stamp_ns, 1, 2)),
+        "frame": lambda stamp_ns: (FRAME, Frame(stamp_ns, PixelFormat.PNG, 4, 3, np.zeros(300, np.uint8))),
+        "health": lambda stamp_ns: ("v1/vision/front/health", Health(stamp_ns, "vision", "front", 1.0)),
+    }
+    path = written(tmp_path / "a.mcap", [kinds[kind](stamp_ns) for stamp_ns, kind in stamped])
+    quick, thorough = Recording(path, quick=True), Recording(path)
+    assert told(quick) == told(thorough)
+    assert held(quick) == held(thorough)
+
+
+def test_a_whole_file_that_is_opened_quickly_is_not_looked_into(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path / "a.mcap", drive())
+    looked: list[mcap_file.Place] = []
+    chunk = mcap_file.chunk
+
+    def counted(file: BinaryIO, place: mcap_file.Place) -> list[Any]:
+        looked.append(place)
+        return chunk(file, place)
+
+    monkeypatch.setattr(mcap_file, "chunk", counted)
+    recording = Recording(path, quick=True)
+    assert looked == []
+    held(recording)
+    assert len(looked) == recording.chunks == 5
+
+
+def test_a_damaged_chunk_of_a_file_that_was_opened_quickly_is_found_when_it_is_read(tmp_path: Path) -> None:
+    messages = drive()
+    path = written(tmp_path / "a.mcap", messages)
+    recording = Recording(flipped(path, chunk_place(path) + 69), quick=True)
+    assert (recording.cut, recording.lost) == ("", 0)
+    for _ in range(2):  # counted once, as often as it is read
+        assert held(recording) == as_bytes(messages)[60:]
+        assert (recording.cut, recording.lost) == ("a part of it is damaged", 60)
+        assert recording.refused == {"damaged chunk": 1}
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
+def test_a_wrong_bit_anywhere_costs_no_more_when_it_was_opened_quickly(tmp_path: Path, place: float, bit: int) -> None:
+    path = written(tmp_path / "a.mcap", drive(2), "none")
+    path = flipped(path, int(place * path.stat().st_size), bit)
+
+    def read(quick: bool) -> tuple[object, ...]:
+        try:
+            recording = Recording(path, quick=quick)
+            messages = held(recording)
+        except DataError as error:
+            return (error.code,)
+        return sorted(messages), recording.lost, recording.cut, recording.refused
+
+    assert read(quick=True) == read(quick=False)
+
+
 @pytest.mark.parametrize(("byte", "bit"), [(0, 3), (1, 0), (2, 1), (6, 7)])
 def test_a_wrong_bit_in_a_chunks_head_costs_nothing_and_is_said(tmp_path: Path, byte: int, bit: int) -> None:
     messages = drive()

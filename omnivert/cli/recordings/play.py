@@ -54,7 +54,7 @@ def play(
         if second is not None and not math.isfinite(second):
             help = "omnivert play REC --info   # shows how long it is"
             raise UseError("OV205", f"omnivert play: {option} {second}", "it is a second of the recording", help)
-    source = opened(recording)
+    source = opened(recording, quick=not (info or as_json))
     if info or as_json:
         given = Given.of(source)
         if as_json:

@@ -152,7 +152,7 @@ def _file(config: Path | None, play: str | None, sim: str | None = None) -> Iter
     Bearings of another sensor come with wheels of their own, which no configuration of a robot describes: the rig is
     the recording's then, too, under the names of the configuration. What is simulated has a store of its own.
     """
-    source = opened(play) if play is not None else None
+    source = opened(play, quick=True) if play is not None else None
     rig = _simulated(settings(config)) if sim is not None else None
     if source is not None and config is None:
         rig = source.config(Config())
