@@ -228,7 +228,8 @@ def wired(drive: Drive, wrong: str) -> tuple[Ticks | Bearings, ...]:
     ],
 )
 def test_a_wrong_wiring_is_named_not_fitted(wrong: str, named: str) -> None:
-    estimates, claims, _ = told(wired(recorded(Scene(path="paper"), Config(), 17), wrong))
+    drive = recorded(Scene(path="paper", visible=6.0, frame_s=0.5), Config(), 17)
+    estimates, claims, _ = told(wired(drive, wrong))
     assert not claims
     assert estimates[-1].state is State.INVALID
     assert named in estimates[-1].phi.reason

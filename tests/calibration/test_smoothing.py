@@ -55,13 +55,13 @@ def test_the_last_frame_is_told_once_more_with_everything_solved() -> None:
 
 
 def test_a_knock_is_noticed_taken_back_and_the_new_place_is_found() -> None:
-    knock = Knock(60.0, yaw_rad=float(np.deg2rad(2.0)))
-    drive = recorded(Scene(path="alternate", repeat=3, bearing_std_rad=0.001, knock=knock), Config(), 1)
+    knock = Knock(45.0, yaw_rad=float(np.deg2rad(2.0)))
+    drive = recorded(Scene(path="alternate", repeat=2, bearing_std_rad=0.001, knock=knock), Config(), 2)
     out = told(drive)
     estimates = [m for m in out if isinstance(m, Estimate)]
     claims = [m for m in out if isinstance(m, Extrinsics)]
     moved = [e for e in estimates if e.state is State.MOVED]
-    assert 60.0 <= 1e-9 * moved[0].stamp_ns < 63.0
+    assert 45.0 <= 1e-9 * moved[0].stamp_ns < 48.0
     assert "the camera moved by" in moved[0].phi.reason
     assert [claim.state for claim in claims].count(State.MOVED) == 1
     taken_back = next(k for k, claim in enumerate(claims) if claim.state is State.MOVED)
@@ -75,9 +75,9 @@ def test_a_knock_is_noticed_taken_back_and_the_new_place_is_found() -> None:
 
 
 def test_nobody_is_told_that_a_camera_moved_that_did_not() -> None:
-    for seed in (2,):
-        out = told(recorded(Scene(path="alternate", repeat=3, bearing_std_rad=0.001), Config(), seed))
-        assert not [m for m in out if m.state is State.MOVED]
+    out = told(recorded(Scene(path="alternate", repeat=2, bearing_std_rad=0.001), Config(), 2))
+    assert [m for m in out if m.state is State.CALIBRATED]
+    assert not [m for m in out if m.state is State.MOVED]
 
 
 def with_people(drive: Drive, seed: int) -> tuple[Ticks | Bearings, ...]:
