@@ -175,7 +175,7 @@ def test_the_command_prints_one_object(short: Path, capsys: pytest.CaptureFixtur
 def test_the_command_prints_tables(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["bench", "vision", str(short), "--no-peers", "--frames", "5"]) == 0
     rows = capsys.readouterr().out.splitlines()
-    assert rows[0].split() == ["stage", "median", "ms", "p99", "ms", "x", "Sobel", "pair"]
+    assert rows[0].split() == ["stage", "median", "ms", "p99", "ms", "in", "Sobel", "pairs"]
     assert rows[-1].startswith("lines a frame")
     assert any(row.startswith("omnivert ") for row in rows)
 
