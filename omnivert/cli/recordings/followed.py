@@ -1,12 +1,12 @@
 """A bar on the terminal that moves with a playback."""
 
-import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from omnivert.cli import say
+from omnivert.cli.guest import guest
 from omnivert.config import Config
 from omnivert.messages import Playback
 from omnivert.wire.channels import PLAYBACK
@@ -33,27 +33,11 @@ def followed(bus: "Bus", label: Callable[[], str] = lambda: "playing") -> Iterat
         thread.join()
 
 
-@contextmanager
-def followed_from_outside(config: Config) -> Iterator[None]:
-    """The same for who is not on the bus: on a terminal a bus of its own, which leaves signals to others."""
+def followed_from_outside(config: Config) -> AbstractContextManager[None]:
+    """The same for who is not on the bus: on a terminal as a guest there."""
     if not say.err().is_terminal:
-        yield
-        return
-    from omnivert.wire.bus import Bus
-
-    bus = Bus(config, "progress", f"p{os.getpid()}")
-    thread = threading.Thread(target=_follow_as_guest, args=(bus,), name="guest", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        bus.stop()
-        thread.join()
-
-
-def _follow_as_guest(bus: "Bus") -> None:
-    with bus:
-        _follow(bus, lambda: "playing", threading.Event())
+        return nullcontext()
+    return guest(config, "progress", lambda bus: _follow(bus, lambda: "playing", threading.Event()))
 
 
 def _follow(bus: "Bus", label: Callable[[], str], over: threading.Event) -> None:

@@ -1,15 +1,13 @@
 """Whether all that a robot needs is there and at work, and until then what is still missing."""
 
-import os
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
 from omnivert.cli import say
+from omnivert.cli.guest import guest
 from omnivert.config import Config
 from omnivert.messages import Health
 from omnivert.pictures import notes
@@ -88,39 +86,27 @@ class Readiness:
         return lacking
 
 
-@contextmanager
-def watched(config: Config, readiness: Readiness, following: str) -> Iterator[None]:
-    """In here a bus of its own, in a thread of its own, tells what is missing, and once that nothing is.
+def watched(config: Config, readiness: Readiness, following: str) -> AbstractContextManager[None]:
+    """In here a guest on the bus tells what is missing, and once that nothing is.
 
-    It leaves signals to others.
     following  the command to type then
     """
-    from omnivert.wire.bus import Bus
-
-    bus = Bus(config, "up", f"u{os.getpid()}")
-    thread = threading.Thread(target=_follow, args=(bus, readiness, following), name="readiness", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        bus.stop()
-        thread.join()
+    return guest(config, "up", lambda bus: _follow(bus, readiness, following))
 
 
 def _follow(bus: "Bus", readiness: Readiness, following: str) -> None:
     began_s = time.monotonic()
-    with bus:
-        for received in bus.listen(HEALTH, period_s=_PERIOD_S):
-            if received is not None and isinstance(received.message, Health):
-                readiness.take(received.message)
-            if readiness.is_over:
-                return
-            waited_s = time.monotonic() - began_s
-            present = frozenset(name for name, _ in bus.present())
-            if not readiness.lacking(present, waited_s):
-                say.story(f"  [green]✓[/] [bold]ready[/]: all services are at work, after {waited_s:.0f} s")
-                say.story(f"    the calibration {escape(readiness.begun)}")
-                say.story(f"    next: {escape(following)}")
-                return
-            if text := readiness.told(present, waited_s):
-                say.story(f"  [cyan]…[/] {escape(text)}")
+    for received in bus.listen(HEALTH, period_s=_PERIOD_S):
+        if received is not None and isinstance(received.message, Health):
+            readiness.take(received.message)
+        if readiness.is_over:
+            return
+        waited_s = time.monotonic() - began_s
+        present = frozenset(name for name, _ in bus.present())
+        if not readiness.lacking(present, waited_s):
+            say.story(f"  [green]✓[/] [bold]ready[/]: all services are at work, after {waited_s:.0f} s")
+            say.story(f"    the calibration {escape(readiness.begun)}")
+            say.story(f"    next: {escape(following)}")
+            return
+        if text := readiness.told(present, waited_s):
+            say.story(f"  [cyan]…[/] {escape(text)}")
