@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import fcntl
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -7,10 +8,12 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from omnivert.calibration import warm_up as calibration
 from omnivert.config import Config
 from omnivert.messages import Ticks
 from omnivert.simulation.recording import Drive
 from omnivert.threads import one_thread
+from omnivert.vision import warm_up as vision
 
 PROJECT = Path(__file__).resolve().parents[1]
 
@@ -22,6 +25,18 @@ settings.load_profile("untimed")
 def _one_thread_each() -> None:
     """As in the services; two test processes whose libraries each take all cores would wait for each other."""
     one_thread()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_once(worker_id: str, tmp_path_factory: pytest.TempPathFactory, _one_thread_each: None) -> None:
+    """On a new machine each kernel is compiled by one of the test processes, while the others compile other ones."""
+    kernels = {"vision": vision.warm_up, "calibration": calibration.warm_up}
+    if worker_id == "master" or any((PROJECT / "omnivert" / "vision").glob("__pycache__/*.nbi")):
+        return
+    for name in sorted(kernels, reverse=worker_id.endswith(("0", "2", "4", "6", "8"))):
+        with (tmp_path_factory.getbasetemp().parent / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            kernels[name](Config())
 
 
 @pytest.fixture(scope="session")
