@@ -208,7 +208,7 @@ class Calibrator:
         if result.doubted:  # errors that stay alike from frame to frame lead a filter away that takes them for noise
             self._pulse.drop()
         elif np.sqrt(result.honest_covariance[0, 0]) < LINEAR_RAD:
-            if not self._pulse.seed(result, self._claims.are_watched):
+            if not self._pulse.seed(result):
                 self._lost(reasons)
             self._noise = result.noise
             self._way.correct(result.corrections, result.noise)

@@ -53,10 +53,6 @@ class Claims:
         """The drive contradicts them."""
         self._last, self._watchdog, self._settling = None, None, 0
 
-    @property
-    def are_watched(self) -> bool:
-        return self._watchdog is not None
-
     def watched(self, stamp_ns: int, still: bool, sighting: Sighting, pulse: Pulse, is_asked: bool) -> str:
         """What has become of the camera since it was claimed: empty, or how it moved.
 
@@ -66,12 +62,12 @@ class Claims:
             self._settling += 1
             if self._settling == SETTLED:
                 self._watch(self._last.mount, self._last.stamp_ns)
-        dog, (known, evidence) = self._watchdog, pulse.watched
+        dog, known = self._watchdog, pulse.filter
         if dog is None or known is None:
             return ""
         alarm = dog.stand(stamp_ns, still, sighting.track, sighting.beta, sighting.std, known)
         if alarm is None and is_asked:
-            alarm = dog.step(stamp_ns, known, evidence)
+            alarm = dog.step(stamp_ns, known, pulse.innovation.evidence)
         return "" if alarm is None else _told(alarm, stamp_ns)
 
     def compared(self, stamp_ns: int, recent: tuple[float, Array, Array] | None) -> str:

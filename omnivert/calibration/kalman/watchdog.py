@@ -44,7 +44,7 @@ class WatchRules:
     ripe_s: float = 60.0  # a better mount may have swallowed a knock: it is held against the drive after so long
     slow_chance: float = 1e-5  # the same for mounts that are compared
     in_a_row: int = 2  # frames at rest, or mounts, that must say so
-    age: int = 3  # frames in which a line must have been seen
+    age: int = 8  # frames in which a line must have been seen
     unsure: float = 3.0  # times the median sigma: a bearing foretold worse is of a line too near or bent for one slope
     yaw_std: float = float(np.deg2rad(4.0))  # a knock to be expected: no bearing is rejected for such a one
     place_std: float = 0.03  # m

@@ -1,4 +1,4 @@
-"""What goes on from a solution: the filter with the lines that the smoother knows, the watchdog's scout with all."""
+"""What the filter goes on from: the smoother's lines, those of a sure distance, and what has come since."""
 
 from functools import cache
 
@@ -26,10 +26,10 @@ def solved() -> Result:
     return result
 
 
-def seeded(is_watched: bool) -> Pulse:
+def seeded() -> Pulse:
     pulse = Pulse()
     pulse.mark()
-    pulse.seed(solved(), is_watched)
+    assert pulse.seed(solved())
     return pulse
 
 
@@ -42,44 +42,27 @@ def with_a_stranger(pulse: Pulse) -> Sighting:
     return Sighting(0, track, beta, np.full(track.size, 0.003), ())
 
 
-def test_the_scout_takes_up_a_line_at_its_first_sight_and_the_filter_never() -> None:
-    pulse = seeded(is_watched=True)
-    assert pulse.update(with_a_stranger(pulse))
-    scout, evidence = pulse.watched
-    assert scout is not None
-    assert scout is not pulse.filter
+def test_a_line_that_the_smoother_does_not_know_stays_out_of_the_filter() -> None:
+    pulse = seeded()
     assert pulse.filter is not None
-    assert STRANGER in scout.tracks
-    assert STRANGER not in pulse.filter.tracks
-    assert evidence is not None
-    assert evidence.nu.size == len(pulse.filter.tracks)
-
-
-def test_unwatched_there_is_no_scout_and_the_filter_stands_in() -> None:
-    pulse = seeded(is_watched=False)
+    before = list(pulse.filter.tracks)
     assert pulse.update(with_a_stranger(pulse))
-    assert pulse.watched == (pulse.filter, pulse.innovation.evidence)
-    watched = seeded(is_watched=True)
-    watched.seed(solved(), is_watched=False)
-    assert watched.watched[0] is watched.filter
+    assert pulse.filter.tracks == before
+    assert pulse.innovation.new == 1
 
 
-def test_the_scout_changes_nothing_of_the_filter() -> None:
-    one, other = seeded(is_watched=False), seeded(is_watched=True)
-    for pulse in (one, other):
-        for _ in range(3):
-            assert pulse.update(with_a_stranger(pulse))
-    assert one.filter is not None
-    assert other.filter is not None
-    np.testing.assert_array_equal(one.filter.x, other.filter.x)
-    np.testing.assert_array_equal(one.filter.P, other.filter.P)
-
-
-def test_a_dropped_pulse_is_watched_through_nothing() -> None:
-    pulse = seeded(is_watched=True)
-    pulse.update(with_a_stranger(pulse))
-    pulse.drop()
-    assert pulse.watched[0] is None
+def test_what_came_since_the_mark_is_driven_through_again() -> None:
+    """A seed that comes late ends where one that came at once would have ended."""
+    at_once, late = seeded(), Pulse()
+    sighting = with_a_stranger(at_once)
+    late.mark()
+    late.update(sighting)
+    assert late.seed(solved())
+    assert at_once.update(sighting)
+    assert late.filter is not None
+    assert at_once.filter is not None
+    np.testing.assert_array_equal(late.filter.x, at_once.filter.x)
+    np.testing.assert_array_equal(late.filter.P, at_once.filter.P)
 
 
 @pytest.mark.parametrize("loose", [(), (0,), (1, 3), (0, 1, 2, 3)])
