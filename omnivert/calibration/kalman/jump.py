@@ -37,7 +37,8 @@ def scored(
     returns       (J,)       chi-square of 3 degrees of freedom of each sum when nothing has jumped
 
     A gate that allows no jump throws away what speaks for one; a gate that allows one lets three wrong bearings among
-    few lines pass for it. So the wider gate is believed only where it explains more lines, and with enough to spare.
+    few lines pass for it, or a single one whose line is not seen again. So the wider gate is believed only where it
+    explains two lines more, and with enough to spare.
     """
     n, columns = nu.size, shift.shape[1]
     h = shift[:, columns - 3 :]
@@ -67,7 +68,7 @@ def scored(
     agree(nu, wide, many, gate)
     few, before = kept.copy(), left.copy()
     agree(nu, left, few, plain_gate)
-    if many.sum() >= enough and many.sum() > few.sum():
+    if many.sum() >= enough and many.sum() > few.sum() + 1:
         left = before
         for i in range(n):
             if kept[i] and not many[i]:
