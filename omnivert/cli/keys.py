@@ -2,6 +2,7 @@
 
 import os
 import select
+import signal
 import sys
 import termios
 import threading
@@ -57,6 +58,8 @@ def _is_in_front(terminal: int) -> bool:
 
 
 def _listen(terminal: int, over: int, actions: Mapping[bytes, Callable[[], None]]) -> None:
+    # Between the look whose the terminal is and its use, the shell may take it back: that must fail, not stop us.
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGTTIN, signal.SIGTTOU))
     while True:
         if in_front := _is_in_front(terminal):
             _take_single_keys(terminal)
@@ -68,6 +71,8 @@ def _listen(terminal: int, over: int, actions: Mapping[bytes, Callable[[], None]
         try:
             typed = os.read(terminal, 64)
         except OSError:
+            if not _is_in_front(terminal):
+                continue
             typed = HUNG_UP
         for key in _parted(typed):
             if key in actions:

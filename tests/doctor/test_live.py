@@ -146,7 +146,7 @@ def test_a_port_that_is_missing_comes_before_the_router(folder: Path, doctor: Do
 
 
 def test_a_push_is_heard_on_the_bus(folder: Path) -> None:
-    """Straight on, a rest, a turn: as fast as the bus brings it, for a push goes by the stamps."""
+    """Straight on, a rest, a turn: as fast as a bus brings all of it, for a push goes by the stamps."""
     config = parsed({"bus": {"endpoint": f"unixsock-stream/{folder / 'bus'}"}}, "the test")
     stages: list[Stage] = []
     with Router(config), Bus(config, "bridge", "front") as bridge:
@@ -155,6 +155,7 @@ def test_a_push_is_heard_on_the_bus(folder: Path) -> None:
             bridge.await_presence(lambda: "doctor" in dict(bridge.present()), DEADLINE_S)
             for message in messages(left=-1.0):
                 bridge.publish(TICKS if isinstance(message, Ticks) else BEARINGS, message)
+                bridge.wait_stopped(0.002)
 
         person = threading.Thread(target=push)
         person.start()
