@@ -61,6 +61,7 @@ class _Desk:
         self._counted: Counter[str] = Counter()
         self._newest_ns: dict[type[Message], int] = {}
         self._newest: Received | None = None
+        self._released_ns = -1
         self._run = b""
         self._is_loop = False
         self._bus.note(None, "loop")
@@ -121,6 +122,9 @@ class _Desk:
 
     def _work(self, released: Sequence[Message], cause: Received) -> None:
         for message in released:
+            if self._calibrator is not None and message.stamp_ns < self._released_ns:
+                self._change_clock(self._calibrator)
+            self._released_ns = message.stamp_ns
             if self._calibrator is None:
                 self._calibrator = Calibrator(self._config, self._to_resume(cause), self._background)
             if isinstance(message, Ticks | Bearings):
@@ -135,6 +139,18 @@ class _Desk:
                 self._bus.note(
                     f"more lines than calibration.frame_lines = {most} in a frame, {left_out} left out so far", "lines"
                 )
+
+    def _change_clock(self, calibrator: Calibrator) -> None:
+        """The timeline follows another clock: what comes by it is another drive, with the last word on this one said.
+
+        Stamps of two clocks have no order, and no way of the wheels leads from one to the other.
+        """
+        self._bus.refuse("stamps: the clock has changed, another drive begins")
+        self.close()
+        self._count(calibrator.refused)
+        for reason in calibrator.refused:
+            del self._counted[reason]
+        self._calibrator = None
 
     def _publish(self, result: Estimate | Extrinsics, cause: Received) -> None:
         match result:

@@ -341,3 +341,25 @@ def test_lines_that_were_too_many_are_told_and_are_no_trouble(bus: QuietBus) -> 
     assert bus.refused == {}
     Drive(desk, b"run-2").plays(0, 100)
     assert bus.notes["lines"] is None
+
+
+def test_a_clock_that_has_changed_begins_another_drive_and_the_last_word_on_the_first_is_said(bus: QuietBus) -> None:
+    desk = desk_on(bus)
+    drive = Drive(desk, b"run-1", replay=False)
+    drive.plays(5000, 5300)
+    (before,) = NotingCalibrator.made
+    before.refused = {"ticks: a jump that no wheel can make": 3}
+    bus.answer = extrinsics(5)
+    drive.plays(100, 400)
+    before, after = NotingCalibrator.made
+    assert before.closed
+    assert before.stamps == sorted(before.stamps)
+    assert before.stamps[0] == 5000
+    assert after.stamps == sorted(after.stamps)
+    assert after.stamps[0] < 200  # what has shown that the clock has changed is not lost
+    assert after.stored is bus.answer
+    after.refused = {"ticks: a jump that no wheel can make": 2}
+    drive.plays(400, 500)
+    assert len(NotingCalibrator.made) == 2
+    assert bus.refused["stamps: the clock has changed, another drive begins"] == 1
+    assert bus.refused["ticks: a jump that no wheel can make"] == 5
