@@ -51,7 +51,7 @@ MOTIONS = {
 MOTIONS |= {letter: MOTIONS[key] for letter, key in ((b"w", UP), (b"s", DOWN), (b"a", LEFT), (b"d", RIGHT))}
 MOTIONS |= {letter.upper(): motion for letter, motion in MOTIONS.items() if letter.isalpha()}
 ENDS = (b"x", b"X", ESCAPE, HUNG_UP)
-KEYS = "↑ ↓ or w s drive · ← → or a d turn · q e arcs · space stops · x ends"
+KEYS = "↑ ↓ w s drive · ← → a d turn · q e arcs · space stops · x ends"
 
 
 def drive(
