@@ -57,7 +57,7 @@ def demo(
     truth = results.truth_of(source)
     store, picture = made_folder(output) / "extrinsics.db", output / "result.png"
     check_outputs({"recording": source.path}, {"the store": store, "the picture": picture})
-    say.story("[bold]omnivert demo[/]: a robot drives through a corridor; the camera's true place is known.\n")
+    say.story("[bold]omnivert demo[/]: a robot drives through a corridor; the camera's place is known.\n")
     with tempfile.TemporaryDirectory(prefix="omnivert-", dir=_short_folder()) as private:
         config = demo_config(source.config(Config()), Path(private), store)
         heard, stored = played(source, config, Path(private), speed, began)
