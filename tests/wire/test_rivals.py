@@ -30,7 +30,7 @@ for _ in sys.stdin:  # a line begins the round, the next one ends it
     with Bus(config, service, "front") as bus:
         print("here", flush=True)
         sys.stdin.readline()
-        began = ended = time.monotonic_ns()
+        began = ended = 0  # of what is published; who is refused never began
         try:
             bus.refuse_beside("bridge", "player")
             began, stays = time.monotonic_ns(), True
