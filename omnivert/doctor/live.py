@@ -19,6 +19,7 @@ from omnivert.wire.bus import Bus, Received
 from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME, HEALTH, PLAYBACK, TICKS
 
 PATIENCE_S = 1.0  # for a router
+NO_COUNTS_S = 5.0  # without counts of the wheels nobody's push is waited for
 TURN_S = 0.1
 VOICES: dict[type[Message], str] = {Frame: "camera", Ticks: "encoder", Bearings: "vision", Estimate: "calibration"}
 
@@ -130,7 +131,7 @@ class Robot:
 def live(robot: Robot, seconds: float, push: Push | None, moved: Moved) -> Evidence:
     """Listens for so long, or until a person has pushed the robot.
 
-    push    waits for the two movements, for at most `seconds`
+    push    waits for the two movements, for at most `seconds`, and while the wheels' counts come
     moved   called now and then with the stage of the push and the time that has gone; s
     raises  Interrupted when a signal came
     """
@@ -179,15 +180,19 @@ def live(robot: Robot, seconds: float, push: Push | None, moved: Moved) -> Evide
 
 
 def _listen(bus: Bus, ears: Ears, seconds: float, push: Push | None, moved: Moved) -> None:
-    began = time.monotonic()
+    began = counted = time.monotonic()
     for received in bus.listen(FRAME, TICKS, BEARINGS, ESTIMATE, PLAYBACK, HEALTH, period_s=TURN_S, every=True):
-        gone = time.monotonic() - began
+        now = time.monotonic()
+        gone = now - began
         moved(None if push is None else push.stage, gone)
         if received is not None:
             ears.step(received)
+            if isinstance(received.message, Ticks):
+                counted = now
             if push is not None and isinstance(received.message, Ticks | Bearings):
                 push.step(received.message)
-        if gone >= seconds or (push is not None and push.stage is Stage.DONE):
+        is_over = push is not None and (push.stage is Stage.DONE or now - counted > NO_COUNTS_S)
+        if gone >= seconds or is_over:
             return
 
 

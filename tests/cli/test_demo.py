@@ -111,3 +111,15 @@ def test_the_demo_waits_for_the_last_frame_and_the_player() -> None:
     heard = heard_all()
     heard.end_ns = 30
     assert not heard.complete
+
+
+def test_why_nothing_is_stored_is_told_even_of_an_estimate_without_a_reason() -> None:
+    heard = Heard(total_frames=2, end_ns=20)
+    assert heard.why() == "no estimate came"
+    usable = ParameterVerdict(State.USABLE)
+    heard.step(Estimate(20, 1, MOUNT, State.USABLE, usable, usable, usable, "", 1.0, 1.0, 5, 0, 0))
+    assert heard.why() == "the drive ended usable; 1 of 2 frames were taken"
+    short = ParameterVerdict(State.NOT_YET, "because the way is short")
+    reasons = ("the ticks stop",)
+    heard.step(Estimate(30, 2, None, State.NOT_YET, short, short, short, "", 1.0, 1.0, 5, 0, 0, reasons))
+    assert heard.why() == "the ticks stop; the way is short; 2 of 2 frames were taken"

@@ -5,6 +5,7 @@ from typing import cast
 
 import pytest
 
+from omnivert.cli.robot.supervisor import Event, Happened
 from omnivert.cli.robot.troubles import COMPILED_S, START_S, Troubles, await_services
 from omnivert.errors import DataError
 from omnivert.wire.bus import Bus
@@ -55,3 +56,16 @@ def test_for_another_one_nobody_waits_so_long(compiling: set[str]) -> None:
     bus, refusal = bus_after({"storage": 1e9} | dict.fromkeys(compiling, 1e9))
     assert bus.now_s == pytest.approx(START_S, abs=2.0)
     assert refusal.startswith("OV422 storage")
+
+
+@pytest.mark.parametrize("loud", [False, True])
+def test_of_a_service_that_died_its_last_words_are_told_once(loud: bool, capsys: pytest.CaptureFixture[str]) -> None:
+    troubles = Troubles(loud)
+    troubles(Event("vision", Happened.SAID, "the frame\x1b[2J is odd [/] " + "x" * 100))
+    for _ in range(2):
+        troubles(Event("vision", Happened.DIED, "died (SIGABRT); starts again in 0.2 s"))
+    told = capsys.readouterr().err
+    assert told.count("vision died (SIGABRT)") == 2
+    assert told.count("is odd [/]") == 1
+    assert "\x1b[2J" not in told
+    assert max(map(len, told.splitlines())) <= 80 or loud

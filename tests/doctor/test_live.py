@@ -20,7 +20,7 @@ import pytest
 from omnivert.cli.app import run
 from omnivert.cli.settings import opened, recording_path
 from omnivert.config import Config, load, parsed
-from omnivert.doctor.live import Robot, live
+from omnivert.doctor.live import NO_COUNTS_S, Robot, live
 from omnivert.doctor.pushed import Push, Stage
 from omnivert.messages import Estimate, Ticks
 from omnivert.wire.bus import Bus, Router
@@ -168,6 +168,23 @@ def test_a_push_is_heard_on_the_bus(folder: Path) -> None:
     assert pushed.turn is not None
     assert (pushed.straight.right_m, pushed.straight.left_m) == pytest.approx((1.0, -1.0), abs=0.01)
     assert pushed.turn.picture_rad == pytest.approx(1.5, abs=0.02)
+
+
+def test_nobody_waits_for_a_push_when_the_wheels_counts_have_ended(folder: Path) -> None:
+    config = parsed({"bus": {"endpoint": f"unixsock-stream/{folder / 'bus'}"}}, "the test")
+    robot = Robot(config, "robot.json", is_local=True)
+    with Router(config), Bus(config, "bridge", "front") as bridge:
+
+        def leave() -> None:
+            bridge.await_presence(lambda: "doctor" in dict(bridge.present()), DEADLINE_S)
+            bridge.publish(TICKS, Ticks(1, 0, 0))
+
+        person = threading.Thread(target=leave)
+        person.start()
+        heard = live(robot, 100.0 * NO_COUNTS_S, Push(config), lambda stage, _: None)
+        person.join()
+    assert heard.pushed is None
+    assert NO_COUNTS_S < heard.bus.seconds < 10.0 * NO_COUNTS_S
 
 
 def test_two_that_publish_one_stream_at_once_are_seen_also_without_a_name(folder: Path, doctor: Doctor) -> None:

@@ -166,8 +166,7 @@ def _tell(
     heard: Heard,
 ) -> None:
     if stored is None:
-        because = "; ".join(heard.estimates[-1].reasons) if heard.estimates else "no estimate came"
-        raise DataError("OV421", "the storage service holds nothing", because, "omnivert calibrate corridor")
+        raise DataError("OV421", "the storage service holds nothing", heard.why(), "omnivert calibrate corridor")
     if as_json:
         say.json_result(
             {

@@ -83,6 +83,16 @@ class Heard:
         """
         return SILENCE_S if self.over or not self._is_stored else SETTLE_S
 
+    def why(self) -> str:
+        """Why nothing was claimed, as far as the last estimate knows."""
+        if not self.estimates:
+            return "no estimate came"
+        last = self.estimates[-1]
+        parts = (part.reason for part in (last.phi, last.rho, last.psi))
+        reasons = [reason.removeprefix("because ") for reason in (*last.reasons, *parts) if reason]
+        told = "; ".join(dict.fromkeys(reasons)) or f"the drive ended {word(last.state)}"
+        return f"{told}; {last.frame} of {self.total_frames} frames were taken"
+
     @property
     def finished(self) -> bool:
         return self.over or (self.played is not None and self.played.finished)

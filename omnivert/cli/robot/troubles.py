@@ -9,6 +9,7 @@ from rich.markup import escape
 from omnivert.cli import say
 from omnivert.cli.robot.supervisor import Event, Happened
 from omnivert.errors import DataError
+from omnivert.pictures.words import printable, short
 
 if TYPE_CHECKING:
     from omnivert.wire.bus import Bus
@@ -17,6 +18,7 @@ START_S = 30.0  # for all services to come up on a busy machine
 COMPILED_S = 180.0  # for those that have to compile their loops the first time
 COMPILES = {"vision", "calibration"}
 _LONG_S = 5  # then it is said why
+_LAST_CHARACTERS = 60  # of what a service said before it died
 HOPELESS = ("router",)  # without it nothing can be done, and starting it again will not open its end point
 _AGAIN = "run it once more, on a machine that is less busy: what was compiled is kept"
 REFUSAL = re.compile(r"error\[(OV\d+)\]: (.*)")
@@ -43,7 +45,7 @@ class Troubles:
                 if refused:
                     self._said[event.service] = event.text
                 if self._loud:
-                    text = escape(event.text)
+                    text = escape(printable(event.text))
                     say.story(f"  [yellow]![/] {text}" if refused else f"  [dim]{text}[/]")
             case Happened.DIED if event.service in HOPELESS and event.service in self._said:
                 self._end(event)
@@ -51,6 +53,8 @@ class Troubles:
                 self._end(event)
             case Happened.DIED | Happened.KILLED:
                 say.story(f"  [yellow]![/] {escape(str(event))}")
+                if not self._loud and (last := self._last.pop(event.service, "")):
+                    say.story(f"    [dim]it said last: {escape(short(printable(last), _LAST_CHARACTERS))}[/]")
             case Happened.STARTED | Happened.ENDED:
                 pass
 
