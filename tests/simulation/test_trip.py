@@ -15,7 +15,7 @@ from omnivert.config import Config, parsed
 from omnivert.errors import DataError, UseError
 from omnivert.formats.frames_import import import_frames
 from omnivert.formats.written import write_recording
-from omnivert.messages import Bearings, Estimate, Frame, Scan, Ticks
+from omnivert.messages import Bearings, Estimate, Frame, Scan, State, Ticks
 from omnivert.offline import calibrated
 from omnivert.simulation.fixtures import built
 from omnivert.simulation.place import Kind, Place
@@ -93,6 +93,18 @@ def test_the_calibration_finds_the_mount_from_a_drive_without_noise() -> None:
     assert mount.rho_m == pytest.approx(0.23, abs=0.01)
     assert mount.phi_rad == pytest.approx(np.radians(-19.5), abs=0.05)
     assert mount.phi_rad + mount.psi_rad == pytest.approx(np.radians(-0.6), abs=0.003)
+
+
+def test_a_robot_that_rests_before_it_drives_ends_calibrated_without_an_alarm() -> None:
+    around = [{"straight_m": 0.75}, {"turn_deg": 90.0}] * 3
+    legs = [{"rest_s": 6.0}, *around, {"straight_m": 0.75}]
+    found = estimates(trip(Route.model_validate({"leg": legs, "speed_m_s": 0.25, "turn_deg_s": 15.0})))
+    assert State.MOVED not in {estimate.state for estimate in found}
+    assert found[-1].state is State.CALIBRATED
+    mount = found[-1].mount
+    assert mount is not None
+    off = np.array([mount.phi_rad, mount.rho_m, mount.psi_rad]) - [np.radians(-19.5), 0.23, np.radians(18.9)]
+    assert (np.abs(off) < 3.0 * np.sqrt(np.diag(mount.covariance))).all()
 
 
 def estimates(drive: Trip) -> list[Estimate]:
