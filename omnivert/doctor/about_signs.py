@@ -62,8 +62,8 @@ def sense(evidence: Evidence) -> Finding:
         return unchecked(NO_WIRING)
     match turning.wirings:
         case (Wiring.AS_CONFIGURED,):
-            turned = np.degrees(turning.picture_rad)
-            return fine(f"bearings run against the turn, as they should ({turned:.0f} deg turned)")
+            compared = np.degrees(turning.wheels_rad)
+            return fine(f"bearings run against the turn, as they should ({compared:.0f} deg compared)")
         case (Wiring.MIRRORED,):
             help = (
                 f"camera.bearing_sign = {-evidence.config.camera.bearing_sign}; omnivert doctor --push tells for sure"

@@ -107,14 +107,13 @@ class Turning:
     """Wheels and picture compared.
 
     wirings    those that explain what was seen; () when none does
-    picture_rad, wheels_rad   sum of |turn|
+    wheels_rad   sum of |turn|, where both tell it
     driven_m   sum of |way|, right and left wheel
     scale      turn of the picture per turn of the wheels as configured, and its sigma; None without a turn
     late_s     how late the frames' stamps are against the wheels', and its sigma; None where the motion does not tell
     """
 
     wirings: tuple[Wiring, ...]
-    picture_rad: float
     wheels_rad: float
     driven_m: tuple[float, float]
     scale: tuple[float, float] | None
@@ -147,7 +146,6 @@ def turning(turns: Turns, wheels: WheelWay, base_m: float, noise_k_m: float) -> 
     right, left = wheels.at(np.array([seen.from_s, seen.to_s]))
     return Turning(
         wirings=wirings,
-        picture_rad=float(np.abs(seen.turn_rad).sum()),
         wheels_rad=float(np.abs(told[:, 0]).sum()),
         driven_m=(float(np.abs(right[1] - right[0]).sum()), float(np.abs(left[1] - left[0]).sum())),
         scale=_scale(seen, told) if wirings == (Wiring.AS_CONFIGURED,) else None,

@@ -8,6 +8,7 @@ from shlex import quote
 
 from omnivert.config import Config
 from omnivert.errors import DataError
+from omnivert.formats.frame_tables import joined, part_of
 from omnivert.formats.written import Progress, new_recording
 from omnivert.messages import Bearings, Frame, Scan, Ticks
 from omnivert.wire.channels import BEARINGS, FRAME, channel_from_key
@@ -30,7 +31,7 @@ def cut(
     raises        DataError when there is nothing between them
     """
     config = recording.config(Config())
-    frame = FRAME.key(config) if FRAME.key(config) in recording.counts else BEARINGS.key(config)
+    frame = _frame_key(recording, config)
     before, total = 0, recording.counts.total()
     with new_recording(out, config, _COMPRESSION) as writer:
         if from_s is not None:
@@ -46,8 +47,7 @@ def cut(
             )
         for name in recording.attachments:
             data = recording.attachment(name)
-            is_table = name.startswith("truth/") and name.endswith(".csv")
-            writer.attach(name, _of_frames(data, before, writer.counts[frame]) if is_table else data)
+            writer.attach(name, part_of(data, before, writer.counts[frame]) if _is_table(name) else data)
         return dict(writer.counts)
 
 
@@ -56,7 +56,7 @@ def merge(
 ) -> tuple[dict[str, int], tuple[str, ...]]:
     """Writes recordings of one rig that follow each other into one.
 
-    returns  messages of each key; names of attachments that differ, and are left out
+    returns  messages of each key; names of attachments that differ and are no tables by frame: left out
     raises   DataError when the rigs differ, or a stream of one goes on when that of the next has begun
     """
     parts = sorted(recordings, key=lambda part: part.start_ns)
@@ -72,12 +72,34 @@ def merge(
             progress(done, total)
         left_out = []
         for name in dict.fromkeys(name for part in parts for name in part.attachments):
-            first, *others = (part.attachment(name) for part in parts if name in part.attachments)
-            if any(other != first for other in others):
+            if (data := _merged(name, parts, config)) is None:
                 left_out.append(name)
             else:
-                writer.attach(name, first)
+                writer.attach(name, data)
         return dict(writer.counts), tuple(left_out)
+
+
+def _frame_key(recording: Recording, config: Config) -> str:
+    """Of the stream whose messages the tables of the truth are counted by."""
+    frame = FRAME.key(config)
+    return frame if frame in recording.counts else BEARINGS.key(config)
+
+
+def _is_table(name: str) -> bool:
+    return name.startswith("truth/") and name.endswith(".csv")
+
+
+def _merged(name: str, parts: Sequence[Recording], config: Config) -> bytes | None:
+    """An attachment of the whole: tables by frame one after the other, else what all have alike; None: they differ."""
+    before, tables = 0, []
+    for part in parts:
+        if name in part.attachments:
+            tables.append((before, part.attachment(name)))
+        before += part.counts[_frame_key(part, config)]
+    if _is_table(name) and (table := joined(tables)) is not None:
+        return table
+    first, *others = (data for _, data in tables)
+    return first if all(other == first for other in others) else None
 
 
 def _keyed(entries: Iterator[Entry]) -> Iterator[Entry]:
@@ -125,22 +147,3 @@ def _hold_apart(earlier: Recording, later: Recording) -> None:
             what = f"{earlier.path} and {later.path} overlap"
             because = f"{key} of the first goes on for {over_ns * 1e-9:.3f} s when that of the second has begun"
             raise DataError("OV312", what, because, "omnivert rec cut takes a part of one")
-
-
-def _of_frames(table: bytes, first: int, count: int) -> bytes:
-    """Of a table whose rows are by `index` of the frames those of some frames, counted from 0 again."""
-    header, *lines = table.decode("utf-8-sig", errors="surrogateescape").splitlines(keepends=True) or [""]
-    columns = [name.strip() for name in header.split(",")]
-    if "index" not in columns:
-        return table
-    column, kept = columns.index("index"), [header]
-    for line in lines:
-        fields = line.split(",")
-        try:
-            index = int(fields[column]) - first
-        except (ValueError, IndexError):
-            return table  # another kind of table
-        if 0 <= index < count:
-            fields[column] = str(index) + fields[column][len(fields[column].rstrip()) :]
-            kept.append(",".join(fields))
-    return "".join(kept).encode(errors="surrogateescape")

@@ -109,6 +109,11 @@ def test_a_recording_that_was_exported_and_imported_is_calibrated_to_the_same_by
     assert (last[0].stamp_ns, repr(last[0])) == (last[1].stamp_ns, repr(last[1]))
 
 
+def attached(path: Path) -> dict[str, bytes]:
+    recording = Recording(path)
+    return {name: recording.attachment(name) for name in recording.attachments}
+
+
 def test_cut_and_merge_go_there_and_back(omnivert: Any, straight: Path, tmp_path: Path) -> None:
     a, b, whole = (tmp_path / f"{name}.mcap" for name in ("a", "b", "whole"))
     first = omnivert("rec", "cut", straight, "--to", "3.3", "-o", a)
@@ -118,6 +123,7 @@ def test_cut_and_merge_go_there_and_back(omnivert: Any, straight: Path, tmp_path
     merged = omnivert("rec", "merge", b, a, "-o", whole, "--json").json
     assert merged["messages"] == dict(Recording(straight).counts)
     assert list(Recording(whole).entries()) == list(Recording(straight).entries())
+    assert attached(whole) == attached(straight)
     again = omnivert("rec", "merge", straight, a, "-o", tmp_path / "c.mcap")
     assert (again.code, "error[OV312]" in again.err, "overlap" in again.err) == (1, True, True)
 

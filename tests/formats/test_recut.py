@@ -73,7 +73,8 @@ def messages_of(messages: list[Message]) -> list[bytes]:
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(times=st.lists(st.floats(0.0, 6.0), min_size=1, max_size=4).map(sorted))
 def test_parts_cut_anywhere_are_the_whole_again(tmp_path: Path, times: Any) -> None:
-    whole = written(tmp_path / "whole.mcap", drive(6))
+    table = "index,line_id,bearing_rad\n" + "".join(f"{k},{10 + k},0.{k}\n" for k in range(30))
+    whole = written(tmp_path / "whole.mcap", drive(6), {"truth/lines.csv": table.encode()})
     parts = []
     for number, (begin, end) in enumerate(zip([None, *times], [*times, None], strict=True)):
         path = tmp_path / f"{number}.mcap"
@@ -90,7 +91,9 @@ def test_parts_cut_anywhere_are_the_whole_again(tmp_path: Path, times: Any) -> N
     assert all(part.config(Config()) == whole.config(Config()) for part in parts)
     if len(parts) > 1:
         merge(parts[::-1], tmp_path / "merged.mcap")
-        assert held(Recording(tmp_path / "merged.mcap")) == held(whole)
+        merged = Recording(tmp_path / "merged.mcap")
+        assert held(merged) == held(whole)
+        assert merged.attachment("truth/lines.csv").decode() == table
 
 
 def test_truth_by_frame_goes_with_its_frames_and_all_else_stays(tmp_path: Path) -> None:
@@ -200,6 +203,18 @@ def test_other_rigs_are_refused_with_what_differs(tmp_path: Path) -> None:
     a, b = written(tmp_path / "a.mcap", drive(2)), written(tmp_path / "b.mcap", drive(2, 200), config=other)
     with pytest.raises(DataError, match=r"not of one rig: they differ in robot\.wheel_base_m, encoder\.ticks_per_rev"):
         merge([a, b], tmp_path / "c.mcap")
+
+
+def test_truth_that_one_part_alone_carries_stays_with_its_frames(tmp_path: Path) -> None:
+    tables = {"truth/lines.csv": b"index,x\n0,1\n1,2\n", "truth/world.csv": b"line_id,x\n1,2\n"}
+    a = written(tmp_path / "a.mcap", drive(2), {"truth/odd.csv": b"index,x\n0,1\n"})
+    b = written(tmp_path / "b.mcap", drive(2, 200), tables | {"truth/odd.csv": b"index,y\n0,1\n"})
+    frames = a.counts[KEYS[Frame]]
+    _, left_out = merge([b, a], tmp_path / "c.mcap")
+    merged = Recording(tmp_path / "c.mcap")
+    assert left_out == ("truth/odd.csv",)  # of other columns
+    assert merged.attachment("truth/lines.csv").decode() == f"index,x\n{frames},1\n{frames + 1},2\n"
+    assert merged.attachment("truth/world.csv") == tables["truth/world.csv"]
 
 
 def test_what_differs_between_the_files_that_they_carry_is_left_out_and_said(tmp_path: Path) -> None:
