@@ -197,6 +197,15 @@ def test_a_drive_that_shows_all_ends_near_its_bound_and_claims_nothing_false() -
     assert 0.8 < high < 1.3
 
 
+def test_one_single_line_shows_the_mount_to_the_sigmas_that_are_told() -> None:
+    """The paper's theorem, within what the wheels' noise allows: told from early on, though long not claimed."""
+    figures = summary(list(runs_of([PRESETS["one-line"][0]], Config(), 4, seed=5001)), 0)
+    assert figures["without_filter"] == figures["without_smoother"] == 0
+    assert figures["inside_3_sigma_share"] == 1.0
+    assert figures["false_calibrated"] == 0
+    assert max(figures["claimed_over_bound"]) < 1.3
+
+
 @pytest.mark.parametrize("case", PRESETS["degenerate"], ids=lambda case: case.name)
 def test_a_drive_that_does_not_show_the_mount_is_not_claimed_and_says_what_is_missing(case: Case) -> None:
     for one in runs_of([case], Config(), 1, seed=77):

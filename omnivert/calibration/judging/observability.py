@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 STRAIGHT = 0.035  # slant up to which a circle is as good as a straight line: 14 times as wide as the robot
 ON_THE_SPOT = np.pi / 2.0 - 0.1  # slant from which it is as good as a turn on the spot
+ROUGHLY_M = 0.1  # what is known of the camera's place to this is more than noise
 APART = 0.17  # slants of clearly different centres
 BRIDGE = 1.7  # a Brownian bridge of unit variance exceeds this in 1 of 160 cases
 
@@ -64,8 +65,17 @@ class Seen:
     psi_rad: float
     sum_rad: float  # of phi + psi
     to_centre_rad: float  # of the heading relative to the direction centre of rotation -> camera, the place held
+    place_m: float  # of the camera's place, where it is known least
     unseen: Unseen
     weakest: Array  # (3,) direction of eta, cx, cy, in units of their limits, of length 1
+
+    @property
+    def is_nothing(self) -> bool:
+        """Whether what was fitted to the drive is noise: no direction is seen to its limit, nor roughly the place.
+
+        One near line shows a mount long before it shows it to the limits.
+        """
+        return self.unseen is Unseen.EVERYTHING and not self.place_m < ROUGHLY_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +179,9 @@ def seen(information: Array, mount: Array, centres: tuple[Piece, ...], limit_rad
     phi, rho, psi = np.sqrt(np.diag(slope @ covariance @ slope.T)).tolist()
     # Its slope by eta is 1 whatever the centre, so with c held it is as well known as eta.
     to_centre = float(1.0 / np.sqrt(max(information[0, 0], 0.0) + 1e-4))
+    place = float(np.sqrt(np.linalg.eigvalsh(covariance[1:, 1:])[1]))
     name = _name(value, vector, unit, mount, centres)
-    return Seen(phi, rho, psi, float(np.sqrt(covariance[0, 0])), to_centre, name, vector[:, 0])
+    return Seen(phi, rho, psi, float(np.sqrt(covariance[0, 0])), to_centre, place, name, vector[:, 0])
 
 
 def _name(value: Array, scaled: Array, unit: Array, mount: Array, centres: tuple[Piece, ...]) -> Unseen:

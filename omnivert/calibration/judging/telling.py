@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from omnivert.calibration.judging.observability import Seen, Unseen
+from omnivert.calibration.judging.observability import Seen
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ def is_told(covariance: Array, seen: Seen | None, doubted: bool) -> bool:
     covariance  (3, 3)  of phi, rho, psi
     seen        what the drive shows; None where the mount is not the drive's, or no line was seen
     """
-    if seen is not None and seen.unseen is Unseen.EVERYTHING:
+    if seen is not None and seen.is_nothing:
         return False
     if float(np.sqrt(covariance[0, 0])) < PHI_RAD:
         return True

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.judging.manoeuvre import DRIVE, TURN, TURN_AND_DRIVE, Manoeuvre, within
-from omnivert.calibration.judging.observability import Kind, Piece, Seen, Unseen
+from omnivert.calibration.judging.observability import Kind, Piece, Seen
 from omnivert.calibration.kalman.model import cartesian_from_polar
 from omnivert.config import Calibration
 from omnivert.messages import ParameterVerdict, State
@@ -212,7 +212,7 @@ def _poor(shown: Shown) -> tuple[str, Manoeuvre]:
         return f"because the robot has only moved {shown.driven_m:.2f} m and turned {turned:.0f} deg", TURN_AND_DRIVE
     if not shown.centres:
         return "because the robot has hardly moved, nothing is seen", TURN_AND_DRIVE
-    nothing = shown.seen is not None and shown.seen.unseen is Unseen.EVERYTHING
+    nothing = shown.seen is not None and shown.seen.is_nothing
     if len(shown.centres) >= 2:
         far = "because the lines are too far away or too few for this way, nothing is seen"
         return (far if nothing else "", TURN_AND_DRIVE)

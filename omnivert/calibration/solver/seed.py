@@ -15,7 +15,8 @@ from omnivert.calibration.symmetric import evened
 
 Array = NDArray[np.float64]
 
-LOOSE = 0.3  # 1/m, sigma of 1/D from which on a line bends too much for one slope
+LOOSE = 0.3  # 1/m, sigma of 1/D from which on a line bends too much for one slope,
+BENT = 0.15  # 1/m^2, and its product with 1/D: how its bearing bends along the way
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +34,8 @@ class Seed:
         distance that is wrong by many of its own sigmas; the solver finds the right one.
         """
         n = len(self.tracks)
-        firm = np.flatnonzero(np.diag(self.covariance)[: 2 * n : 2] < LOOSE**2)
+        std = np.sqrt(np.diag(self.covariance)[: 2 * n : 2])
+        firm = np.flatnonzero((std < LOOSE) & (std * self.lines[:, 0] < BENT))
         rows = np.concatenate([(2 * firm[:, None] + [0, 1]).ravel(), 2 * n + np.arange(3)])
         names = tuple(self.tracks[k] for k in firm.tolist())
         return Seed(self.lines[firm], self.covariance[np.ix_(rows, rows)], names)

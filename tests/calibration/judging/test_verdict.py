@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from omnivert.calibration.judging.manoeuvre import Manoeuvre
 from omnivert.calibration.judging.observability import Piece, Seen, Unseen
+from omnivert.calibration.judging.telling import is_told
 from omnivert.calibration.judging.verdict import (
     ODOMETER_UNITS,
     Condition,
@@ -64,7 +65,7 @@ def spread(phi: float, rho: float, psi: float) -> Array:
 
 
 def seen(unseen: Unseen, sigma: float = 0.0017) -> Seen:
-    return Seen(100.0, 100.0, 100.0, sigma, sigma, unseen, np.array([0.0, 1.0, 0.0]))
+    return Seen(100.0, 100.0, 100.0, sigma, sigma, 100.0, unseen, np.array([0.0, 1.0, 0.0]))
 
 
 def test_where_everything_holds_all_is_claimed_in_odometer_units() -> None:
@@ -156,6 +157,16 @@ def test_far_lines_are_said_to_show_nothing_whatever_is_driven() -> None:
     told = judged(replace(GOOD, covariance=spread(9.0, 9.0, 9.0), seen=seen(Unseen.EVERYTHING)))
     assert states(told) == (State.NOT_YET,) * 3
     assert "too far away" in told.psi.reason
+
+
+def test_where_the_place_is_roughly_known_it_is_told_and_nobody_says_that_nothing_is_seen() -> None:
+    one_near_line = replace(seen(Unseen.EVERYTHING), place_m=0.06)
+    covariance = spread(9.0, 3.0, 9.0)
+    told = judged(replace(GOOD, covariance=covariance, seen=one_near_line))
+    assert states(told) == (State.NOT_YET, State.USABLE, State.NOT_YET)
+    assert not any("nothing is seen" in part.reason for part in (told.phi, told.rho, told.psi))
+    assert is_told(covariance, one_near_line, doubted=False)
+    assert not is_told(covariance, seen(Unseen.EVERYTHING), doubted=False)
 
 
 def test_a_claim_flickers_neither_up_nor_down() -> None:

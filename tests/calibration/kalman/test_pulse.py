@@ -9,7 +9,7 @@ from omnivert.calibration.calibrator import Calibrator
 from omnivert.calibration.kalman.pulse import Pulse
 from omnivert.calibration.sighting import Sighting
 from omnivert.calibration.solver.result import Result
-from omnivert.calibration.solver.seed import LOOSE, Seed
+from omnivert.calibration.solver.seed import BENT, LOOSE, Seed
 from omnivert.config import Config
 from omnivert.simulation.recording import Scene, recorded
 
@@ -80,3 +80,12 @@ def test_lines_of_unsure_distance_are_left_out_of_a_seed_and_the_rest_stays_join
     assert seed.tracks == tuple(10 + k for k in firm)
     np.testing.assert_array_equal(seed.lines, lines[firm])
     np.testing.assert_array_equal(seed.covariance, spread[np.ix_(rows, rows)])
+
+
+def test_of_two_lines_as_unsure_the_near_one_alone_is_left_out_of_a_seed() -> None:
+    """What a frame across shows of 1/D bends the more the nearer the line is."""
+    std = BENT / 0.7
+    lines = np.array([[0.5, 0.1], [1.0, 0.2]])
+    seed = Seed(lines, np.diag(np.array([std, 0.01, std, 0.01, 0.01, 0.01, 0.01]) ** 2), (10, 11))
+    assert std < LOOSE
+    assert seed.without_loose().tracks == (10,)
