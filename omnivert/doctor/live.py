@@ -15,6 +15,7 @@ from omnivert.doctor.pushed import Push, Stage
 from omnivert.doctor.stream import Stream
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Estimate, Frame, Health, Message, Playback, Ticks
+from omnivert.pictures.words import cause, reasons_of
 from omnivert.wire.bus import Bus, Received
 from omnivert.wire.channels import BEARINGS, ESTIMATE, FRAME, HEALTH, PLAYBACK, TICKS
 
@@ -108,9 +109,7 @@ class Ears:
         last = self.estimate
         if last is None:
             return None
-        reasons = [*(part.reason for part in (last.phi, last.psi, last.rho) if part.reason), *last.reasons]
-        why = "; ".join(dict.fromkeys(reason.removeprefix("because ") for reason in reasons[:2]))
-        return Told(last.state, why, last.next_manoeuvre, last.corrections)
+        return Told(last.state, cause(reasons_of(last)[:2]), last.next_manoeuvre, last.corrections)
 
 
 @dataclass(frozen=True, slots=True)

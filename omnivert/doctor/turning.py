@@ -107,7 +107,7 @@ class Turning:
     """Wheels and picture compared.
 
     wirings    those that explain what was seen; () when none does
-    wheels_rad   sum of |turn|, where both tell it
+    wheels_rad sum of |turn|, where both tell it
     driven_m   sum of |way|, right and left wheel
     scale      turn of the picture per turn of the wheels as configured, and its sigma; None without a turn
     late_s     how late the frames' stamps are against the wheels', and its sigma; None where the motion does not tell

@@ -21,11 +21,14 @@ def joined(tables: Sequence[tuple[int, bytes]]) -> bytes | None:
     tables  (number of frames before, the table)
     """
     header, column, all_rows = "", 0, Rows()
-    for first, table in tables:
+    *earlier, last = tables
+    whole = [(first, table if table.endswith(b"\n") else table + b"\n") for first, table in earlier]
+    for first, table in (*whole, last):
         read = _read(table)
         if read is None or (header and read[0].strip() != header.strip()):
             return None
-        header, column, rows = read
+        own, column, rows = read
+        header = header or own
         all_rows += [(index + first, fields) for index, fields in rows]
     return _written(header, column, all_rows)
 

@@ -1,7 +1,7 @@
 """Numbers with their sigma and states in words: the same in terminal, picture and file."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +100,17 @@ def corrected(correction: Correction) -> str:
 def printable(text: str) -> str:
     """A text from the network as a terminal may get it: nothing in it that moves a cursor or changes a colour."""
     return "".join(character if character.isprintable() else " " for character in text)
+
+
+def reasons_of(estimate: Estimate) -> list[str]:
+    """Why each parameter is not known better, then what the estimate says of the whole."""
+    parts = (part.reason for part in (estimate.phi, estimate.psi, estimate.rho))
+    return [*filter(None, parts), *estimate.reasons]
+
+
+def cause(reasons: Iterable[str]) -> str:
+    """Reasons as the cause of something: each once, without its own "because"."""
+    return "; ".join(dict.fromkeys(reason.removeprefix("because ") for reason in reasons))
 
 
 def short(text: str, length: int) -> str:

@@ -207,14 +207,16 @@ def test_other_rigs_are_refused_with_what_differs(tmp_path: Path) -> None:
 
 def test_truth_that_one_part_alone_carries_stays_with_its_frames(tmp_path: Path) -> None:
     tables = {"truth/lines.csv": b"index,x\n0,1\n1,2\n", "truth/world.csv": b"line_id,x\n1,2\n"}
-    a = written(tmp_path / "a.mcap", drive(2), {"truth/odd.csv": b"index,x\n0,1\n"})
-    b = written(tmp_path / "b.mcap", drive(2, 200), tables | {"truth/odd.csv": b"index,y\n0,1\n"})
+    cut_short = {"truth/poses.csv": b"index,x\n0,5"}  # without an end of its last line
+    a = written(tmp_path / "a.mcap", drive(2), {"truth/odd.csv": b"index,x\n0,1\n"} | cut_short)
+    b = written(tmp_path / "b.mcap", drive(2, 200), tables | {"truth/odd.csv": b"index,y\n0,1\n"} | cut_short)
     frames = a.counts[KEYS[Frame]]
     _, left_out = merge([b, a], tmp_path / "c.mcap")
     merged = Recording(tmp_path / "c.mcap")
     assert left_out == ("truth/odd.csv",)  # of other columns
     assert merged.attachment("truth/lines.csv").decode() == f"index,x\n{frames},1\n{frames + 1},2\n"
     assert merged.attachment("truth/world.csv") == tables["truth/world.csv"]
+    assert merged.attachment("truth/poses.csv").decode() == f"index,x\n0,5\n{frames},5"
 
 
 def test_what_differs_between_the_files_that_they_carry_is_left_out_and_said(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from omnivert.cli.settings import (
 from omnivert.cli.settings import with_mode as in_mode
 from omnivert.errors import DataError, UseError
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, State
-from omnivert.pictures.words import bounds, corrected, heading, quantities, word
+from omnivert.pictures.words import bounds, cause, corrected, heading, quantities, reasons_of, word
 
 if TYPE_CHECKING:
     from omnivert.config import Config
@@ -142,8 +142,7 @@ def _unusable(outcome: Outcome) -> int:
 def refusal(outcome: Outcome) -> DataError:
     """Why this drive does not allow a result, as the verdict saw it, and what to drive instead."""
     last = outcome.last
-    reasons = [*(part.reason for part in (last.phi, last.psi, last.rho) if part.reason), *last.reasons]
-    because = "; ".join(dict.fromkeys(reason.removeprefix("because ") for reason in reasons[:3]))
+    because = cause(reasons_of(last)[:3])
     turned = math.degrees(last.turned_rad)
     again = f"{last.next_manoeuvre.rstrip('.')}, then run this again" if last.next_manoeuvre else ""
     if last.state is State.INVALID:

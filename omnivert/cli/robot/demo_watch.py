@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 
 from omnivert.errors import DataError
 from omnivert.messages import Bearings, Estimate, Extrinsics, Frame, Message, Mount, Playback, Receipt, State
-from omnivert.pictures.words import colour, printable, quantities, short, word
+from omnivert.pictures.words import cause, colour, printable, quantities, reasons_of, short, word
 
 if TYPE_CHECKING:
     from omnivert.cli.robot.troubles import Troubles
@@ -88,9 +88,7 @@ class Heard:
         if not self.estimates:
             return "no estimate came"
         last = self.estimates[-1]
-        parts = (part.reason for part in (last.phi, last.rho, last.psi))
-        reasons = [reason.removeprefix("because ") for reason in (*last.reasons, *parts) if reason]
-        told = "; ".join(dict.fromkeys(reasons)) or f"the drive ended {word(last.state)}"
+        told = cause((*last.reasons, *reasons_of(last))) or f"the drive ended {word(last.state)}"
         return f"{told}; {last.frame} of {self.total_frames} frames were taken"
 
     @property

@@ -34,6 +34,7 @@ class Troubles:
         self._loud = loud
         self._said: dict[str, str] = {}  # service -> the refusal it printed
         self._last: dict[str, str] = {}  # service -> the line it said last
+        self._untold: dict[str, str] = {}  # the same, as long as nobody was told of it
         self.fatal = threading.Event()
         self._reason: DataError | None = None
 
@@ -41,6 +42,8 @@ class Troubles:
         match event.happened:
             case Happened.SAID:
                 self._last[event.service] = event.text
+                if not self._loud:
+                    self._untold[event.service] = event.text
                 refused = REFUSAL.search(event.text)
                 if refused:
                     self._said[event.service] = event.text
@@ -53,7 +56,7 @@ class Troubles:
                 self._end(event)
             case Happened.DIED | Happened.KILLED:
                 say.story(f"  [yellow]![/] {escape(str(event))}")
-                if not self._loud and (last := self._last.pop(event.service, "")):
+                if last := self._untold.pop(event.service, ""):
                     say.story(f"    [dim]it said last: {escape(short(printable(last), _LAST_CHARACTERS))}[/]")
             case Happened.STARTED | Happened.ENDED:
                 pass
