@@ -22,6 +22,7 @@ from tests.services.test_processes import DEADLINE_S, running
 SEED = 7
 PARTS = 60
 SOUND = 40  # frames at the end
+HASTE = 100.0  # what is stamped a third of a second apart is sent within milliseconds: a stream may lag so much more
 SERVICES = ("router", "storage", "calibration")
 
 
@@ -72,6 +73,8 @@ def content(path: Path) -> bytes:
 
 
 def test_calibration_and_storage_live_through_it_and_the_store_keeps_its_bytes(config: Config, folder: Path) -> None:
+    timeline = config.timeline.model_copy(update={"lateness_s": HASTE * config.timeline.lateness_s})
+    config = config.model_copy(update={"timeline": timeline})
     known = mount_stored(config)
     with Store(config.storage.path) as store:
         store.put(known)
