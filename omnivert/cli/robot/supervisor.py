@@ -17,7 +17,7 @@ from omnivert.cli.interrupts import held_back
 from omnivert.errors import UseError
 
 _STOP_S = 4.0  # for all that stand on the router, to end by themselves; after 2.5 s they end themselves by force
-_ROUTER_S = 0.5  # and then for the router
+_ROUTER_S = 0.5  # and then for the router, beside what they have left of theirs
 _FIRST_PAUSE_S = 0.2
 _LONGEST_PAUSE_S = 5.0
 _HEALTHY_S = 10.0  # who lived for so long begins again with the first pause
@@ -118,8 +118,9 @@ class Supervisor:
         with self._lock:
             self._stopping.set()
         children = list(self._children.values())
-        self._stop(children[1:], _STOP_S)
-        self._stop(children[:1], _ROUTER_S)
+        deadline = time.monotonic() + _STOP_S
+        self._stop(children[1:], deadline)
+        self._stop(children[:1], deadline + _ROUTER_S)
         for child in children:
             if child.keeper is not None:
                 child.keeper.join()
@@ -169,12 +170,11 @@ class Supervisor:
                 process.stdin.close()
         return code
 
-    def _stop(self, children: list[_Child], grace_s: float) -> None:
+    def _stop(self, children: list[_Child], deadline: float) -> None:
         processes = [(child, child.process) for child in children if child.process is not None]
         for _, process in processes:
             with suppress(ProcessLookupError):
                 process.terminate()
-        deadline = time.monotonic() + grace_s
         for child, process in processes:
             try:
                 process.wait(max(deadline - time.monotonic(), 0.01))
