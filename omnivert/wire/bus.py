@@ -24,7 +24,7 @@ from omnivert.wire.codec import encode
 from omnivert.wire.endings import Signals, ended_by_force_after
 from omnivert.wire.envelope import Envelope
 from omnivert.wire.inbox import Inbox
-from omnivert.wire.listening import answered, newest_answer, posted, taken
+from omnivert.wire.listening import answered, lasting, newest_answer, posted, taken
 from omnivert.wire.meter import Meter
 from omnivert.wire.presence import Presence
 from omnivert.wire.received import Received
@@ -72,7 +72,8 @@ class Bus:
             self._session = self._connected()
             if self._session is not None:
                 liveliness = self._session.liveliness()
-                self._declared.append(liveliness.declare_subscriber("v1/@live/**", self._seen, history=True))
+                declared = partial(liveliness.declare_subscriber, "v1/@live/**", self._seen, history=True)
+                self._declared.append(lasting(declared))
                 self._health.start()
         except BaseException:
             self._close()
@@ -115,8 +116,7 @@ class Bus:
         return None
 
     def _close(self) -> None:
-        session = self._session
-        if session is not None:
+        if (session := self._session) is not None:
             with ended_by_force_after(_CLOSE_S):
                 if self._health.is_alive():
                     self._health.join()
@@ -228,7 +228,7 @@ class Bus:
             for channel in channels:
                 key = channel.key(self.config)
                 post = posted(channel, key, inbox, self._meter, settings.max_message_bytes)
-                subscribers.append(self._session.declare_subscriber(key, post))
+                subscribers.append(lasting(partial(self._session.declare_subscriber, key, post)))
             self.ready()
         return self._taken(inbox, subscribers, period_s)
 
@@ -247,7 +247,7 @@ class Bus:
         key = channel.key(self.config)
         if self._session is not None:
             answer = answered(key, answerer, self._meter)
-            self._declared.append(self._session.declare_queryable(key, answer, complete=True))
+            self._declared.append(lasting(partial(self._session.declare_queryable, key, answer, complete=True)))
         self.ready()
 
     def ask(self, channel: Channel, timeout_s: float = 1.0) -> Message | None:

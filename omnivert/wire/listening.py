@@ -3,9 +3,11 @@
 Knows zenoh's samples and queries by what they offer, not by name.
 """
 
+import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from concurrent.futures import Future
+from typing import Any, TypeVar
 
 from omnivert.messages import Message
 from omnivert.wire.channels import Channel
@@ -16,6 +18,29 @@ from omnivert.wire.inbox import Inbox, Parcel
 from omnivert.wire.meter import Meter
 from omnivert.wire.once import Once
 from omnivert.wire.received import Received, message_of, opened
+
+T = TypeVar("T")
+
+
+def lasting(declare: Callable[[], T]) -> T:
+    """What `declare` returns or raises, from a thread that is no daemon.
+
+    zenoh's thread for the callbacks is a daemon where the one that declares is, and closing the session waits for no
+    callback. Python waits for other threads when it ends; a daemon it ends in the midst of zenoh, whose Rust then
+    aborts the whole process (SIGABRT).
+    """
+    if not threading.current_thread().daemon:
+        return declare()
+    declared: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            declared.set_result(declare())
+        except BaseException as error:  # noqa: BLE001 - raised again where it was asked for
+            declared.set_exception(error)
+
+    threading.Thread(target=run, name="declare", daemon=False).start()
+    return declared.result()
 
 
 def posted(channel: Channel, pattern: str, inbox: Inbox, meter: Meter, max_bytes: int) -> Callable[[Any], None]:
