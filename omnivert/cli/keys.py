@@ -10,6 +10,8 @@ import tty
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
+from omnivert.cli.interrupts import ENDING
+
 UP, DOWN, RIGHT, LEFT = (b"\x1b[" + letter for letter in (b"A", b"B", b"C", b"D"))
 ESCAPE = b"\x1b"
 HUNG_UP = b""  # the terminal has gone, no key will come
@@ -58,8 +60,9 @@ def _is_in_front(terminal: int) -> bool:
 
 
 def _listen(terminal: int, over: int, actions: Mapping[bytes, Callable[[], None]]) -> None:
-    # Between the look whose the terminal is and its use, the shell may take it back: that must fail, not stop us.
-    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGTTIN, signal.SIGTTOU))
+    # Between the look whose the terminal is and its use, the shell may take it back: that must fail, not stop us. And
+    # what ends the process must come to the main thread: taken here, it would not end what that one waits for.
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGTTIN, signal.SIGTTOU, *ENDING))
     while True:
         if in_front := _is_in_front(terminal):
             _take_single_keys(terminal)

@@ -45,7 +45,7 @@ class Terminal:
 
     def await_shown(self, text: str, again: bytes = b"") -> None:
         """Waits until it has shown this; types `again` meanwhile."""
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + DEADLINE_S
         while text.encode() not in self._shown:
             assert time.monotonic() < deadline, self._shown
             if again:
