@@ -9,6 +9,8 @@ from omnivert.wire.bus import Bus, Router
 from omnivert.wire.endings import Signals
 from services import _start
 
+LOOK_S = 0.2  # a signal that another thread has taken is seen when this one, which acts on it, looks up
+
 _log = logging.getLogger("omnivert.router")
 
 
@@ -30,7 +32,7 @@ def main() -> int:
                     )
             with bus:
                 bus.ready()
-                while not bus.wait_stopped(3600.0):
+                while not bus.wait_stopped(LOOK_S):
                     pass
     except OmnivertError as error:
         return _start.refusal("router", error)

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -85,6 +85,22 @@ def test_the_router_tells_its_health_and_that_it_is_here(file: Path, config: Con
         told = [r.message for r, _ in zip((r for r in heard if r and r.publisher == router), range(2), strict=False)]
         assert all(isinstance(health, Health) and health.service == "router" for health in told)
         started.terminate()
+        assert started.wait(DEADLINE_S) == 0
+
+
+@pytest.mark.parametrize("service", ["router", "storage", "calibration", "vision"])
+def test_a_service_that_goes_on_after_ctrl_z_stops_when_told_to(file: Path, config: Config, service: str) -> None:
+    """What comes right after that, the kernel gives to any of its threads: the main one has a signal to deal with."""
+    with ExitStack() as others:
+        if service != "router":
+            others.enter_context(Router(config))
+        started = others.enter_context(process(service, file))
+        bus = others.enter_context(Bus(config, "test", "test"))
+        assert bus.await_presence(lambda: (service, "front") in bus.present(), DEADLINE_S)
+        started.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, started.pid, os.WSTOPPED)
+        started.send_signal(signal.SIGCONT)
+        started.send_signal(signal.SIGTERM)
         assert started.wait(DEADLINE_S) == 0
 
 
