@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnivert.calibration.judging.manoeuvre import DRIVE, TURN, TURN_AND_DRIVE, Manoeuvre, within
-from omnivert.calibration.judging.observability import Kind, Piece, Seen
+from omnivert.calibration.judging.observability import Kind, Piece, Seen, Unseen
 from omnivert.calibration.kalman.model import cartesian_from_polar
 from omnivert.config import Calibration
 from omnivert.messages import ParameterVerdict, State
@@ -120,11 +120,12 @@ def verdict(shown: Shown, limits: Calibration, before: State) -> Verdict:
     poor, fallback = ("", TURN_AND_DRIVE) if shown.restored else _poor(shown)
     poor = poor or (DOUBTED if shown.doubted and not shown.restored else "")
     todo = shown.todo or within(fallback, *longest)
+    faint = "" if poor or shown.restored else _faint(shown)
     sigma = _sigmas(shown.covariance)
     if shown.covariance is None or sigma is None:
         several = "because several mounts explain the drive so far about equally well"
         broken = unmet(shown, limits).get(Condition.SOUND, several) if shown.covariance is not None else several
-        return _all(State.NOT_YET, poor or broken, todo)
+        return _all(State.NOT_YET, poor or f"{broken}{faint}", todo)
     against = unmet(shown, limits, before)
     limit = _limit(limits)
     states = [
@@ -137,7 +138,7 @@ def verdict(shown: Shown, limits: Calibration, before: State) -> Verdict:
         if state is State.CALIBRATED and (against or (on_axis and k != 1)):
             states[k] = State.USABLE
         if states[k] is not State.CALIBRATED:
-            reasons[k] = poor or _why(k, shown, sigma, limit, against)
+            reasons[k] = poor or f"{_why(k, shown, sigma, limit, against)}{faint}"
     order = (State.NOT_YET, State.USABLE, State.CALIBRATED)
     overall = min(states, key=order.index)
     parts = [ParameterVerdict(state, reason) for state, reason in zip(states, reasons, strict=True)]
@@ -230,6 +231,12 @@ def _poor(shown: Shown) -> tuple[str, Manoeuvre]:
     if nothing:
         return f"because you {way}, among lines too far away or too few, nothing is seen", cure
     return f"because you {way}, {only}{known}", cure
+
+
+def _faint(shown: Shown) -> str:
+    """What is behind any reason where the place is seen roughly, but no direction to its limit."""
+    faint = shown.seen is not None and shown.seen.unseen is Unseen.EVERYTHING
+    return "; the lines are too far away or too few for this way" if faint else ""
 
 
 def _known(shown: Shown, piece: Piece) -> str:

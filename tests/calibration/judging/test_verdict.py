@@ -164,7 +164,14 @@ def test_where_the_place_is_roughly_known_it_is_told_and_nobody_says_that_nothin
     covariance = spread(9.0, 3.0, 9.0)
     told = judged(replace(GOOD, covariance=covariance, seen=one_near_line))
     assert states(told) == (State.NOT_YET, State.USABLE, State.NOT_YET)
-    assert not any("nothing is seen" in part.reason for part in (told.phi, told.rho, told.psi))
+    reasons = [part.reason for part in (told.phi, told.rho, told.psi)]
+    assert not any("nothing is seen" in reason for reason in reasons)
+    assert all(reason.endswith("; the lines are too far away or too few for this way") for reason in reasons)
+    several = judged(replace(GOOD, covariance=None, seen=one_near_line))
+    assert several.phi.reason == (
+        "because several mounts explain the drive so far about equally well; "
+        "the lines are too far away or too few for this way"
+    )
     assert is_told(covariance, one_near_line, doubted=False)
     assert not is_told(covariance, seen(Unseen.EVERYTHING), doubted=False)
 
