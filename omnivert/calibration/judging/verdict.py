@@ -15,6 +15,7 @@ from omnivert.messages import ParameterVerdict, State
 Array = NDArray[np.float64]
 
 ODOMETER_UNITS = "rho is in odometer units: bearings can not show whether both wheels are larger than configured"
+FAINT = "the lines are too far away or too few for this way"
 DOUBTED = (
     "because parts of the drive contradict each other, or clocks and wheels are far from what is configured: "
     "sigmas are widened by that; check the wheel base, the wheels' diameter and the clocks"
@@ -215,8 +216,7 @@ def _poor(shown: Shown) -> tuple[str, Manoeuvre]:
         return "because the robot has hardly moved, nothing is seen", TURN_AND_DRIVE
     nothing = shown.seen is not None and shown.seen.is_nothing
     if len(shown.centres) >= 2:
-        far = "because the lines are too far away or too few for this way, nothing is seen"
-        return (far if nothing else "", TURN_AND_DRIVE)
+        return (f"because {FAINT}, nothing is seen" if nothing else "", TURN_AND_DRIVE)
     piece = shown.centres[0]
     known = "" if shown.seen is None and shown.sum_rad is None else _known(shown, piece)
     match piece.kind:
@@ -236,7 +236,7 @@ def _poor(shown: Shown) -> tuple[str, Manoeuvre]:
 def _faint(shown: Shown) -> str:
     """What is behind any reason where the place is seen roughly, but no direction to its limit."""
     faint = shown.seen is not None and shown.seen.unseen is Unseen.EVERYTHING
-    return "; the lines are too far away or too few for this way" if faint else ""
+    return f"; {FAINT}" if faint else ""
 
 
 def _known(shown: Shown, piece: Piece) -> str:
